@@ -1,0 +1,9 @@
+//! Medial shape representation of anatomy.
+
+pub mod space;
+
+pub mod pipeline;
+
+pub mod problem;
+
+pub mod jobs;

@@ -1,0 +1,123 @@
+//! Why a shape has no medial representation: an answer, not a failure of the program.
+
+/// A shape that is refused by name. Lengths are mm.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Refusal {
+    /// No voxel has the label.
+    #[error("label {label} is not in the mask")]
+    LabelMissing {
+        /// The label asked for.
+        label: i64,
+        /// Labels that are there (the first few).
+        present: Vec<i64>,
+    },
+    /// No voxel is foreground.
+    #[error("the mask is empty: every voxel is 0")]
+    EmptyMask,
+    /// Thinner than the grid can resolve.
+    #[error("the object is {thickness_mm:.2} mm thick, under {voxels:.1} voxels of {voxel_mm:.2} mm")]
+    TooThin {
+        /// Largest inscribed diameter, mm.
+        thickness_mm: f64,
+        /// The same in working voxels.
+        voxels: f64,
+        /// Working voxel, mm.
+        voxel_mm: f64,
+        /// A working voxel that would do, mm.
+        resolution_mm: f64,
+    },
+    /// Too few medial points for a sheet.
+    #[error("the medial sheet has only {points} points, a lattice needs {needed}")]
+    TooSmall {
+        /// Points found.
+        points: usize,
+        /// Points needed.
+        needed: usize,
+    },
+    /// All three extents alike: a ball has a medial point, not a sheet.
+    #[error(
+        "the object is a ball: its medial sheet is {length_mm:.1} × {width_mm:.1} mm, its radius {radius_mm:.1} mm"
+    )]
+    Ball {
+        /// Longer extent of the sheet.
+        length_mm: f64,
+        /// Shorter extent of the sheet.
+        width_mm: f64,
+        /// Largest inscribed radius.
+        radius_mm: f64,
+    },
+    /// Two extents alike: a tube has a medial curve, not a sheet.
+    #[error(
+        "the object is a tube: its medial sheet is {length_mm:.1} × {width_mm:.1} mm, its radius {radius_mm:.1} mm"
+    )]
+    Tube {
+        /// Longer extent of the sheet.
+        length_mm: f64,
+        /// Shorter extent of the sheet.
+        width_mm: f64,
+        /// Largest inscribed radius.
+        radius_mm: f64,
+    },
+    /// The sheet has one side only (a Möbius band).
+    #[error("the medial sheet has only one side: {conflicts} of its {links} links turn it over")]
+    NotOrientable {
+        /// Links across which the sides disagree.
+        conflicts: usize,
+        /// Links in all.
+        links: usize,
+    },
+    /// The sheet has holes or closes on itself, so that it cannot be laid flat.
+    #[error("the medial sheet cannot be laid flat: {reason}")]
+    NotADisc {
+        /// What it is instead.
+        reason: String,
+    },
+    /// The working grid would be larger than allowed.
+    #[error("the working grid would have {voxels} voxels, allowed are {allowed}")]
+    TooLarge {
+        /// Voxels wanted.
+        voxels: u64,
+        /// Voxels allowed.
+        allowed: u64,
+        /// A working voxel that would do, mm.
+        resolution_mm: f64,
+    },
+}
+
+impl Refusal {
+    /// Stable code, snake case.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::LabelMissing { .. } => "label_missing",
+            Self::EmptyMask => "empty_mask",
+            Self::TooThin { .. } => "too_thin",
+            Self::TooSmall { .. } => "too_small",
+            Self::Ball { .. } => "shape_is_a_ball",
+            Self::Tube { .. } => "shape_is_a_tube",
+            Self::NotOrientable { .. } => "not_orientable",
+            Self::NotADisc { .. } => "not_a_disc",
+            Self::TooLarge { .. } => "working_grid_too_large",
+        }
+    }
+
+    /// What to do about it.
+    #[must_use]
+    pub fn hint(&self) -> String {
+        match self {
+            Self::LabelMissing { present, .. } => format!("ask for one of the labels that are there: {present:?}"),
+            Self::EmptyMask => "check the segmentation: send a mask with at least one non-zero voxel".to_owned(),
+            Self::TooThin { resolution_mm, .. } => {
+                format!("send a finer mask, or try resolution_mm {resolution_mm:.2}")
+            }
+            Self::TooSmall { .. } => "send a finer mask or a larger object, or set a smaller resolution_mm".to_owned(),
+            Self::Ball { .. } => "a ball has no medial sheet: measure it by its radius".to_owned(),
+            Self::Tube { .. } => "a tube has a medial curve, not a sheet: use a centreline tool".to_owned(),
+            Self::NotOrientable { .. } => "check the segmentation for a bridge that turns the object over".to_owned(),
+            Self::NotADisc { .. } => {
+                "check the segmentation for tunnels, or split the structure into several labels".to_owned()
+            }
+            Self::TooLarge { resolution_mm, .. } => format!("set resolution_mm to {resolution_mm:.2} or more"),
+        }
+    }
+}

@@ -1,0 +1,84 @@
+//! What a user is told when something cannot be done: RFC 9457 problem details, the same on the
+//! command line and over HTTP.
+
+use serde::{Deserialize, Serialize};
+
+use crate::pipeline::params::ParamsError;
+use crate::pipeline::refusal::Refusal;
+
+/// A problem object (RFC 9457) with a stable code, a place and a hint.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct Problem {
+    /// `urn:medialrep:problem:` and the code.
+    #[serde(rename = "type")]
+    pub kind: String,
+    /// The code in words; the same for every problem of this code.
+    pub title: String,
+    /// HTTP status.
+    pub status: u16,
+    /// Stable code, snake case, to switch on.
+    pub code: String,
+    /// What was wrong this time, with figures. Never holds text from the file.
+    pub detail: String,
+    /// Where: a field (`params.grid.rows`), a header field (`header.dim[3]`), a byte offset.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub location: Option<String>,
+    /// What to do.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub hint: Option<String>,
+    /// Whether the same request may succeed later.
+    pub retryable: bool,
+}
+
+impl Problem {
+    /// A problem with a status, a code and a sentence.
+    #[must_use]
+    pub fn new(status: u16, code: &str, detail: impl Into<String>) -> Self {
+        let words = code.replace('_', " ");
+        let title = words.chars().take(1).flat_map(char::to_uppercase).chain(words.chars().skip(1)).collect();
+        Self {
+            kind: format!("urn:medialrep:problem:{code}"),
+            title,
+            status,
+            code: code.to_owned(),
+            detail: detail.into(),
+            location: None,
+            hint: None,
+            retryable: matches!(status, 429 | 503 | 507),
+        }
+    }
+
+    /// Says where.
+    #[must_use]
+    pub fn at(mut self, location: impl Into<String>) -> Self {
+        self.location = Some(location.into());
+        self
+    }
+
+    /// Says what to do.
+    #[must_use]
+    pub fn hint(mut self, hint: impl Into<String>) -> Self {
+        self.hint = Some(hint.into());
+        self
+    }
+
+    /// Our fault; the sentence says nothing of the inside.
+    #[must_use]
+    pub fn internal() -> Self {
+        Self::new(500, "internal", "the server failed; its log has the cause")
+    }
+}
+
+impl From<&Refusal> for Problem {
+    fn from(refusal: &Refusal) -> Self {
+        Self::new(422, refusal.code(), refusal.to_string()).hint(refusal.hint())
+    }
+}
+
+impl From<&ParamsError> for Problem {
+    fn from(error: &ParamsError) -> Self {
+        Self::new(422, "invalid_params", error.to_string())
+            .at(format!("params.{}", error.field))
+            .hint(format!("allowed is {}", error.allowed))
+    }
+}

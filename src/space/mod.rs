@@ -1,0 +1,22 @@
+//! Where things are: points with a space in their type, the affine between voxels and the
+//! world, and dense grids. Knows no anatomy and no file format.
+
+mod affine;
+
+mod grid;
+
+mod volume;
+
+pub use affine::{AffineError, WorldFromVoxel};
+pub use grid::{Grid, VoxelIndex};
+pub use volume::{LabelVolume, VolumeNotice};
+
+/// A point in NIfTI world space: millimetres, RAS+ (x to the patient's right, y anterior,
+/// z superior).
+pub type WorldPoint = nalgebra::Point3<f64>;
+
+/// A displacement in world space, millimetres.
+pub type WorldVector = nalgebra::Vector3<f64>;
+
+/// A point of a flattened sheet: intrinsic coordinates `(u, v)` in millimetres.
+pub type ParamPoint = nalgebra::Point2<f64>;
