@@ -6,4 +6,12 @@ pub mod pipeline;
 
 pub mod problem;
 
+pub mod formats;
+
 pub mod jobs;
+
+pub mod http;
+
+pub mod config;
+
+pub mod cli;

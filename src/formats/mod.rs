@@ -1,0 +1,3 @@
+//! File formats and JSON forms.
+
+pub mod params_json;
