@@ -99,7 +99,10 @@ impl Blobs {
     /// # Errors
     /// When it cannot be removed.
     pub fn erase_attempt(&self, id: JobId, token: &str) -> io::Result<()> {
-        gone(fs::remove_dir_all(self.attempt_folder(id, token)))
+        gone(fs::remove_dir_all(self.attempt_folder(id, token)))?;
+        // Another attempt may be in the same folder: then it stays.
+        let _ = fs::remove_dir(self.job_folder(id));
+        Ok(())
     }
 
     /// Removes the mask and all results of a job.

@@ -53,12 +53,6 @@ impl SqliteStore {
         let reader = SqlitePoolOptions::new().max_connections(READ_CONNECTIONS).connect_with(options).await?;
         Ok(Self { writer, reader })
     }
-
-    /// Closes all connections; what was committed stays.
-    pub async fn close(&self) {
-        self.reader.close().await;
-        self.writer.close().await;
-    }
 }
 
 fn migrator() -> Migrator {
@@ -245,6 +239,11 @@ impl JobStore for SqliteStore {
         .execute(&self.writer)
         .await?;
         Ok(())
+    }
+
+    async fn close(&self) {
+        self.reader.close().await;
+        self.writer.close().await;
     }
 }
 

@@ -161,4 +161,7 @@ pub trait JobStore: Send + Sync {
 
     /// Fails unless the store can be written to.
     async fn check_writable(&self) -> Result<(), StoreError>;
+
+    /// Puts the store to rest; no call succeeds afterwards.
+    async fn close(&self);
 }

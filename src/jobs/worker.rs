@@ -88,7 +88,9 @@ impl Workers {
         };
         // A run that does not notice ends with the process; its row is queued already.
         let _ = timeout(LET_GO, let_go).await;
+        self.tasks.iter().for_each(JoinHandle::abort);
         self.heartbeat.abort();
+        self.jobs.store().close().await;
     }
 }
 
@@ -139,10 +141,8 @@ async fn run(jobs: &Arc<Jobs>, processor: &Processor, claim: Claim) {
     }
     tracing::info!(job = %job.id, attempt = job.attempt, "job begun");
     let outcome = run_blocking(jobs, processor, &job, &running).await;
-    let is_published = finish(jobs, &running, &outcome).await;
-    if !(is_published && matches!(outcome, Outcome::Succeeded { .. })) {
-        clean_up(jobs, &running).await;
-    }
+    let is_written = finish(jobs, &running, &outcome).await;
+    clean_up(jobs, &running, &outcome, is_written).await;
     jobs.end(&running);
 }
 
@@ -248,17 +248,24 @@ async fn finish(jobs: &Jobs, running: &Running, outcome: &Outcome) -> bool {
     false
 }
 
-/// Removes what an attempt left that is not published, and everything of a job that is gone.
-async fn clean_up(jobs: &Jobs, running: &Running) {
-    let (id, blobs, token) = (running.lease.id, jobs.blobs().clone(), running.lease.token.clone());
-    let attempt = spawn_blocking(move || blobs.erase_attempt(id, &token)).await;
-    let erased = match jobs.store().get(id).await {
-        Ok(None) => jobs.erase(id).await,
-        _ => attempt.map_err(JobsError::Task).and_then(|erased| erased.map_err(JobsError::Files)),
+/// Removes what an attempt left that is not published, and everything of a job that is gone or
+/// whose mask was refused: the same mask would be refused again, so nobody needs it any more.
+async fn clean_up(jobs: &Jobs, running: &Running, outcome: &Outcome, is_written: bool) {
+    let id = running.lease.id;
+    let erased = match outcome {
+        Outcome::Succeeded { .. } if is_written => Ok(()),
+        Outcome::Failed(problem) if is_written && problem.status < 500 => jobs.erase(id).await,
+        _ if matches!(jobs.store().get(id).await, Ok(None)) => jobs.erase(id).await,
+        _ => erase_attempt(jobs, running).await,
     };
     if let Err(error) = erased {
         tracing::error!(job = %id, %error, "files cannot be removed; the next start sweeps them");
     }
+}
+
+async fn erase_attempt(jobs: &Jobs, running: &Running) -> Result<(), JobsError> {
+    let (blobs, lease) = (jobs.blobs().clone(), running.lease.clone());
+    Ok(spawn_blocking(move || blobs.erase_attempt(lease.id, &lease.token)).await??)
 }
 
 fn name(outcome: &Outcome) -> &str {
