@@ -8,4 +8,6 @@ pub mod pipeline;
 
 pub mod problem;
 
+pub mod formats;
+
 pub mod jobs;
