@@ -11,3 +11,5 @@ pub mod problem;
 pub mod formats;
 
 pub mod jobs;
+
+pub mod cli;
