@@ -13,15 +13,13 @@ use tokio::net::TcpListener;
 use tokio::signal::unix::{SignalKind, signal};
 use tracing_subscriber::EnvFilter;
 
+use super::exit;
 use crate::config::{ServeConfig, default_workers};
 use crate::http::server;
 use crate::jobs::process::{InputLimits, process};
 use crate::jobs::queue::JobLimits;
 use crate::jobs::upload::UploadLimits;
 use crate::jobs::worker::Processor;
-
-/// Exit code for wrong usage.
-const WRONG_USAGE: u8 = 2;
 
 /// Arguments of `medialrep serve`. Each can be given as an environment variable instead.
 #[derive(Debug, clap::Args)]
@@ -105,7 +103,7 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<ExitCode> {
              hint: listen on 127.0.0.1, or say --allow-unauthenticated where something else keeps strangers out",
             args.listen
         );
-        return Ok(ExitCode::from(WRONG_USAGE));
+        return Ok(ExitCode::from(exit::USAGE));
     }
     start_log(args.log_format);
     let runtime = tokio::runtime::Runtime::new().context("the runtime cannot start")?;

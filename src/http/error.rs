@@ -8,11 +8,11 @@ use axum::http::header::{CONTENT_TYPE, RETRY_AFTER};
 use axum::http::{HeaderValue, Method, Response, StatusCode, Uri};
 use axum::response::IntoResponse;
 
+use crate::formats::params_json::ParamsJsonError;
 use crate::jobs::job::JobState;
 use crate::jobs::queue::JobsError;
 use crate::jobs::store::StoreError;
-use crate::jobs::upload::{UploadError, not_nifti};
-use crate::pipeline::params::ParamsError;
+use crate::jobs::upload::UploadError;
 use crate::problem::Problem;
 
 /// Media type of a problem object.
@@ -73,7 +73,7 @@ impl From<UploadError> for ApiError {
                 Problem::new(400, "empty_upload", "the upload has no bytes").hint("send the mask as the body").into()
             }
             UploadError::TooLarge { limit } => too_large(limit),
-            UploadError::NotNifti => not_nifti().into(),
+            UploadError::Refused(problem) => Self(problem),
             UploadError::Interrupted => {
                 Problem::new(400, "upload_interrupted", "the upload ended early or its framing is malformed")
                     .hint("send it again")
@@ -87,8 +87,8 @@ impl From<UploadError> for ApiError {
     }
 }
 
-impl From<ParamsError> for ApiError {
-    fn from(error: ParamsError) -> Self {
+impl From<ParamsJsonError> for ApiError {
+    fn from(error: ParamsJsonError) -> Self {
         Problem::from(&error).into()
     }
 }

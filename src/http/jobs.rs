@@ -43,11 +43,11 @@ const PAGE: u32 = 20;
             ("Location" = String, description = "The job"),
             ("Retry-After" = u32, description = "Seconds until it is worth a look")
         )),
-        (status = 400, body = Problem, content_type = PROBLEM_JSON, description = "`empty_upload`, `upload_interrupted`, `invalid_multipart`, `invalid_query`"),
+        (status = 400, body = Problem, content_type = PROBLEM_JSON, description = "`empty_upload`, `upload_interrupted`, `invalid_multipart`, `invalid_query`, `malformed_params`, and what is malformed in the file's header"),
         (status = 408, body = Problem, content_type = PROBLEM_JSON, description = "`upload_too_slow`"),
-        (status = 413, body = Problem, content_type = PROBLEM_JSON, description = "`upload_too_large`"),
-        (status = 415, body = Problem, content_type = PROBLEM_JSON, description = "`not_nifti`, `content_encoding`"),
-        (status = 422, body = Problem, content_type = PROBLEM_JSON, description = "`invalid_params` and what is wrong with the file"),
+        (status = 413, body = Problem, content_type = PROBLEM_JSON, description = "`upload_too_large`, `too_many_voxels`"),
+        (status = 415, body = Problem, content_type = PROBLEM_JSON, description = "`not_nifti`, `two_file_nifti`, `content_encoding`"),
+        (status = 422, body = Problem, content_type = PROBLEM_JSON, description = "`invalid_params`, and what in the file's header cannot be worked on"),
         (status = 503, body = Problem, content_type = PROBLEM_JSON, description = "`queue_full`; Retry-After says when to try again"),
         (status = 507, body = Problem, content_type = PROBLEM_JSON, description = "`storage_full`")
     )

@@ -9,13 +9,12 @@ use axum::http::{HeaderMap, HeaderName};
 use tokio::time::timeout;
 
 use super::error::{ApiError, too_large};
+use crate::formats::params_json::MAX_BYTES as MAX_PARAMS_BYTES;
 use crate::jobs::job::RequestedParams;
 use crate::jobs::queue::Jobs;
 use crate::jobs::upload::{self, Received, UploadError};
 use crate::problem::Problem;
 
-/// Bytes of parameters; all of them together fit into a few hundred.
-const MAX_PARAMS_BYTES: usize = 64 << 10;
 /// What a form may hold beside the mask.
 const FORM_OVERHEAD_BYTES: u64 = 1 << 20;
 

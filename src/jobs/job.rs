@@ -6,8 +6,8 @@ use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
-use crate::formats::params_json;
-use crate::pipeline::params::{CheckedParams, ParamsError};
+use crate::formats::params_json::{self, ParamsJsonError};
+use crate::pipeline::params::CheckedParams;
 use crate::problem::Problem;
 
 /// Names a job. UUIDv7: ids ascend in order of arrival and cannot be guessed.
@@ -125,7 +125,7 @@ impl RequestedParams {
     ///
     /// # Errors
     /// When the text is no JSON object, names an unknown parameter or holds a value out of range.
-    pub fn parse(json: Option<&[u8]>) -> Result<Self, ParamsError> {
+    pub fn parse(json: Option<&[u8]>) -> Result<Self, ParamsJsonError> {
         let bytes = json.unwrap_or(b"{}");
         let checked = params_json::parse(bytes)?;
         Ok(Self { json: String::from_utf8_lossy(bytes).into_owned(), checked })

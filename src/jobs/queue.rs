@@ -183,9 +183,9 @@ impl Jobs {
     pub async fn submit(&self, upload: Received, params: &RequestedParams) -> Result<JobStatus, JobsError> {
         let Received { file, mask } = upload;
         let id = JobId::now();
-        let blobs = self.blobs.clone();
+        let (blobs, limits) = (self.blobs.clone(), self.limits.input);
         spawn_blocking(move || {
-            preflight(&file).map_err(JobsError::Refused)?;
+            preflight(&file, limits).map_err(JobsError::Refused)?;
             blobs.keep_mask(file, id).map_err(JobsError::Files)
         })
         .await??;

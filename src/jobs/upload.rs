@@ -1,9 +1,8 @@
 //! Receives a mask: streamed to disk, counted, hashed and sniffed on the way, so that memory
 //! stays the size of one chunk and a refusal comes as early as the bytes allow.
 
-use std::fs::File;
 use std::future::Future;
-use std::io::{self, Read};
+use std::io;
 use std::path::Path;
 use std::time::Duration;
 
@@ -16,6 +15,9 @@ use tokio::time::{Instant, timeout, timeout_at};
 
 use super::blobs::Blobs;
 use super::job::MaskInfo;
+use super::process::InputLimits;
+use crate::formats::nifti::{MAGIC_BYTES, check_header, check_magic};
+use crate::formats::{ReadError, hex};
 use crate::problem::Problem;
 
 /// What is still read of a refused upload, so that a client that writes before it reads gets the
@@ -47,9 +49,9 @@ pub enum UploadError {
         /// Bytes allowed.
         limit: u64,
     },
-    /// Neither gzip nor a NIfTI header.
-    #[error("the upload is no NIfTI file")]
-    NotNifti,
+    /// Its first bytes are those of something else.
+    #[error("{}", .0.code)]
+    Refused(Box<Problem>),
     /// The connection broke, or the body was malformed.
     #[error("the upload ended early or was malformed")]
     Interrupted,
@@ -79,7 +81,7 @@ where
     S: Stream<Item = Result<Bytes, E>> + Unpin,
 {
     let received = receive_all(blobs, limits, &mut body).await;
-    if matches!(received, Err(UploadError::TooLarge { .. } | UploadError::NotNifti)) {
+    if matches!(received, Err(UploadError::TooLarge { .. } | UploadError::Refused(_))) {
         discard(&mut body).await;
     }
     received
@@ -149,8 +151,8 @@ impl Incoming {
         }
         if self.head.len() < MAGIC_BYTES {
             self.head.extend(chunk.iter().take(MAGIC_BYTES - self.head.len()));
-            if self.head.len() == MAGIC_BYTES && !is_nifti_magic(&self.head) {
-                return Err(UploadError::NotNifti);
+            if self.head.len() == MAGIC_BYTES {
+                self.check_magic()?;
             }
         }
         self.hash.update(chunk);
@@ -158,51 +160,28 @@ impl Incoming {
     }
 
     fn finish(self) -> Result<MaskInfo, UploadError> {
-        match self.head.len() {
-            0 => Err(UploadError::Empty),
-            MAGIC_BYTES => Ok(MaskInfo { sha256: hex(&self.hash.finalize()), bytes: self.bytes }),
-            _ => Err(UploadError::NotNifti),
+        if self.bytes == 0 {
+            return Err(UploadError::Empty);
         }
+        self.check_magic()?;
+        Ok(MaskInfo { sha256: hex(&self.hash.finalize()), bytes: self.bytes })
     }
-}
 
-const MAGIC_BYTES: usize = 4;
-const GZIP_MAGIC: [u8; 2] = [0x1f, 0x8b];
-/// Header sizes of NIfTI-1 and NIfTI-2, the first number of a file.
-const HEADER_SIZES: [i32; 2] = [348, 540];
-
-/// Whether a file that begins like this can be NIfTI: gzip, or a header's size in either byte
-/// order.
-#[must_use]
-pub fn is_nifti_magic(head: &[u8]) -> bool {
-    let Some(first) = head.first_chunk::<MAGIC_BYTES>() else { return false };
-    let sizes = [i32::from_le_bytes(*first), i32::from_be_bytes(*first)];
-    first.starts_with(&GZIP_MAGIC) || sizes.iter().any(|size| HEADER_SIZES.contains(size))
+    fn check_magic(&self) -> Result<(), UploadError> {
+        check_magic(&self.head).map_err(|error| UploadError::Refused(Box::new(Problem::from(&error))))
+    }
 }
 
 /// Looks at a received file before its job is accepted; what is found here is told at once
 /// instead of in a failed job. Blocks.
 ///
 /// # Errors
-/// When the file is not what it must be, or cannot be read.
-pub fn preflight(path: &Path) -> Result<(), Box<Problem>> {
-    let mut head = Vec::new();
-    let read = File::open(path).and_then(|file| file.take(MAGIC_BYTES as u64).read_to_end(&mut head));
-    match read {
-        Ok(_) if is_nifti_magic(&head) => Ok(()),
-        Ok(_) => Err(Box::new(not_nifti())),
-        Err(_) => Err(Box::new(Problem::internal())),
-    }
-}
-
-/// What a client is told whose file is neither gzip nor NIfTI.
-#[must_use]
-pub fn not_nifti() -> Problem {
-    Problem::new(415, "not_nifti", "the upload begins neither with gzip's magic nor with a NIfTI header's size")
-        .at("byte 0")
-        .hint("send a NIfTI-1 or NIfTI-2 file (.nii or .nii.gz) as it lies on disk")
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+/// When the header shows that the job would fail, or cannot be read.
+pub fn preflight(path: &Path, limits: InputLimits) -> Result<(), Box<Problem>> {
+    check_header(path, limits).map_err(|error| {
+        if let ReadError::Io(error) = &error {
+            tracing::error!(%error, "a received file cannot be read");
+        }
+        Box::new(Problem::from(&error))
+    })
 }
