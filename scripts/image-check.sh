@@ -87,7 +87,8 @@ stop_server() {
     while child=$(pgrep --parent "$process" | head -1) && [ -n "$child" ]; do process=$child; done
     kill -TERM "$process"
     wait "$server" || true
-    server=}
+    server=
+}
 
 run_job() {
     local url=http://127.0.0.1:$port answer id state
