@@ -1,11 +1,16 @@
 //! Takes a mask and its parameters out of a request: a raw body or a form.
 
 use std::future::Future;
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
+use axum::body::{Body, Bytes};
 use axum::extract::multipart::{Field, Multipart, MultipartError};
-use axum::extract::{FromRequest, Request};
+use axum::extract::{DefaultBodyLimit, FromRequest, Request};
 use axum::http::header::{CONTENT_ENCODING, CONTENT_LENGTH, CONTENT_TYPE};
 use axum::http::{HeaderMap, HeaderName};
+use futures_util::StreamExt;
 use tokio::time::timeout;
 
 use super::error::{ApiError, too_large};
@@ -17,6 +22,9 @@ use crate::problem::Problem;
 
 /// What a form may hold beside the mask.
 const FORM_OVERHEAD_BYTES: u64 = 1 << 20;
+/// Bytes of a form that may wait to be understood. The parser keeps in memory what it reads ahead
+/// and what it finds no end of: a part's headers, a gap between parts.
+const FORM_BACKLOG_BYTES: u64 = 16 << 20;
 
 /// A mask on disk and what to do with it.
 pub struct Submission {
@@ -38,9 +46,10 @@ pub async fn receive(jobs: &Jobs, query_params: Option<&str>, request: Request) 
     let params = query_params.map(|json| RequestedParams::parse(Some(json.as_bytes()))).transpose()?;
     jobs.check_room().await?;
     if is_form {
-        let form = Multipart::from_request(unlimited(request), &()).await;
+        let understood = Arc::new(AtomicU64::new(0));
+        let form = Multipart::from_request(bounded(request, Arc::clone(&understood)), &()).await;
         let form = form.map_err(|rejection| invalid_form(rejection.body_text()))?;
-        return receive_form(jobs, params, form).await;
+        return receive_form(jobs, params, form, &understood).await;
     }
     let body = request.into_body().into_data_stream();
     let mask = upload::receive(jobs.blobs(), jobs.limits().upload, body).await?;
@@ -51,12 +60,16 @@ async fn receive_form(
     jobs: &Jobs,
     mut params: Option<RequestedParams>,
     mut form: Multipart,
+    understood: &AtomicU64,
 ) -> Result<Submission, ApiError> {
     let mut mask = None;
     while let Some(field) = in_time(jobs, form.next_field()).await?.map_err(|e| broken_form(&e))? {
         match field.name() {
             Some("mask") if mask.is_none() => {
-                mask = Some(upload::receive(jobs.blobs(), jobs.limits().upload, field).await?);
+                let count = |chunk: &Result<Bytes, _>| {
+                    understood.fetch_add(chunk.as_ref().map_or(0, |bytes| bytes.len() as u64), Ordering::Relaxed);
+                };
+                mask = Some(upload::receive(jobs.blobs(), jobs.limits().upload, field.inspect(count)).await?);
             }
             Some("params") if params.is_none() => {
                 let json = in_time(jobs, read_params(field)).await??;
@@ -103,10 +116,19 @@ fn refuse_large(headers: &HeaderMap, max_bytes: u64, is_form: bool) -> Result<()
     if length.is_some_and(|length| length > limit) { Err(too_large(max_bytes)) } else { Ok(()) }
 }
 
-/// The framework's own limit is off: ours counts while streaming.
-fn unlimited(mut request: Request) -> Request {
-    axum::extract::DefaultBodyLimit::disable().apply(&mut request);
-    request
+/// Bounds what the parser keeps in memory. The framework's own limit, on the whole body, is off:
+/// ours counts the mask while it streams.
+fn bounded(mut request: Request, understood: Arc<AtomicU64>) -> Request {
+    DefaultBodyLimit::disable().apply(&mut request);
+    request.map(|body| {
+        let mut passed = 0;
+        Body::from_stream(body.into_data_stream().map(move |chunk| {
+            let chunk = chunk.map_err(io::Error::other)?;
+            passed += chunk.len() as u64;
+            let backlog = passed.saturating_sub(understood.load(Ordering::Relaxed));
+            if backlog > FORM_BACKLOG_BYTES { Err(io::Error::from(io::ErrorKind::InvalidData)) } else { Ok(chunk) }
+        }))
+    })
 }
 
 fn header(headers: &HeaderMap, name: HeaderName) -> Option<&str> {

@@ -88,8 +88,11 @@ impl Workers {
         };
         // A run that does not notice ends with the process; its row is queued already.
         let _ = timeout(LET_GO, let_go).await;
-        self.tasks.iter().for_each(JoinHandle::abort);
-        self.heartbeat.abort();
+        for task in self.tasks.into_iter().chain([self.heartbeat]).filter(|task| !task.is_finished()) {
+            task.abort();
+            // Once it has ended, so has its hold on the data directory.
+            let _ = task.await;
+        }
         self.jobs.store().close().await;
     }
 }

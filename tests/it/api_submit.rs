@@ -142,6 +142,19 @@ async fn a_limit_holds_while_the_upload_streams() {
 }
 
 #[tokio::test]
+async fn a_form_without_end_is_cut_off() {
+    let server = Server::without_workers().await;
+    for begin in ["", "--XX\r\nX: ", "--XX\r\nContent-Disposition: form-data; name=\"params\"\r\n\r\n"] {
+        let chunks = [begin.as_bytes().to_vec()].into_iter().chain(std::iter::repeat_with(|| vec![b'a'; 64 << 10]));
+        let body = Body::from_stream(stream::iter(chunks.map(|chunk| Ok::<_, Infallible>(Bytes::from(chunk)))));
+        let request = Request::post("/v1/jobs").header("content-type", "multipart/form-data; boundary=XX");
+        let answer = server.send(request.body(body).unwrap()).await;
+        assert_eq!(answer.status, 400, "{}", answer.text());
+    }
+    assert!(server.files().is_empty());
+}
+
+#[tokio::test]
 async fn an_upload_that_pauses_or_breaks_is_refused() {
     let server = Server::without_workers().await;
     let pause = Body::from_stream(stream::unfold(Some(mask()), |next| async move {
