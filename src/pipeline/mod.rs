@@ -9,6 +9,14 @@ pub mod refusal;
 
 pub mod model;
 
+pub mod mask;
+
+pub mod depth;
+
+pub mod medial;
+
+pub mod sheets;
+
 use crate::space::LabelVolume;
 use model::Model;
 use observer::{Cancelled, Observer};
