@@ -5,9 +5,8 @@
 //!
 //! 1. a voxel is *medial* where two skin points far apart, seen under a wide angle, are equally
 //!    near (the integer medial axis of Hesselink, Roerdink, PAMI 30, 2008, on sub-voxel feet);
-//! 2. voxels are taken away from the skin inward as long as no topology changes, but medial ones
-//!    at the end of a surface stay;
-//! 3. what is left thicker than one voxel is thinned again;
+//! 2. all others are taken away from the skin inward as long as no topology changes;
+//! 3. medial voxels that are no end of a surface are taken away where it is thicker than one voxel;
 //! 4. each voxel is moved to where its two feet are equally far: the sub-voxel medial point.
 //!
 //! We leave the paper (Palágyi's 3-subiteration thinning) because the order of the distance
@@ -27,12 +26,15 @@ use super::depth::Depth;
 use super::mask::Solid;
 use super::observer::{Cancelled, Observer};
 
-/// Cosine of the angle under which a medial voxel must see its two feet: 90°. A bump of the
-/// boundary is seen under less at twice its height; a sheet of even thickness sees 180°.
-const FEET_COSINE: f64 = 0.0;
+/// Cosine of the angle under which a medial voxel must see its two feet: 60°. Where n arms meet,
+/// the middle sees feet 360°/n apart; bumps and edges are seen under small angles too, and are told
+/// apart by stage 3.
+const FEET_COSINE: f64 = 0.5;
 /// Distance of the two feet of a medial voxel at the least, voxels: below it the staircase
 /// of the grid makes feet of its own.
 const MIN_CHORD: f64 = 3.0;
+/// Difference of two distances that rounding can make, voxels.
+const TIE: f64 = 0.05;
 /// How many voxels are thinned between two looks at the observer.
 const CANCEL_EVERY: usize = 1 << 14;
 /// Steps of the sub-voxel refinement; each halves what is left, and half a voxel is the start.
@@ -96,12 +98,26 @@ fn medial_voxels(solid: &Solid, depth: &Depth) -> Vec<bool> {
             let b = depth.skin[b as usize].position - between;
             let wide = a.dot(&b) < FEET_COSINE * a.norm() * b.norm();
             if wide && (a - b).norm_squared() >= MIN_CHORD * MIN_CHORD {
-                is_medial[offset] = true;
-                is_medial[next] = true;
+                // Of the two, the one nearer to the bisector of the feet; the first of equals, so
+                // that the middle of an even thickness is one layer, not a mixture of two.
+                let is_beyond = b.norm() - a.norm() > TIE;
+                is_medial[if is_beyond { next } else { offset }] = true;
             }
         }
     }
     is_medial
+}
+
+/// The rank of a depth in the order of thinning. Depths are compared in steps: in a sheet of even
+/// thickness two layers are equally deep but for rounding, and taking from both by turns would
+/// leave them corrugated. The offset, which breaks ties, takes one whole layer first.
+fn rank(depth: f32) -> u32 {
+    /// Steps per voxel, and a phase that keeps whole and half depths off the borders.
+    const STEPS: f32 = 16.0;
+    const PHASE: f32 = 0.37;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "depths are small and not negative")]
+    let rank = (depth * STEPS + PHASE) as u32;
+    rank
 }
 
 /// Takes simple voxels away in the order of their depth.
@@ -116,11 +132,9 @@ fn thin(
     let depth = depth.depth.as_slice();
     let mut left = inside.clone();
     let mut is_queued = vec![false; left.as_slice().len()];
-    let mut is_end = vec![false; left.as_slice().len()];
     let mut heap = BinaryHeap::new();
-    // Bits of non-negative floats order as the floats do; the offset breaks ties.
-    let entry = |o: usize| Reverse((depth[o].to_bits(), id(o)));
-    for o in (0..left.as_slice().len()).filter(|&o| left.as_slice()[o]) {
+    let entry = |o: usize| Reverse((rank(depth[o]), id(o)));
+    for o in (0..left.as_slice().len()).filter(|&o| left.as_slice()[o] && !is_medial[o]) {
         if is_simple(neighborhood(left.as_slice(), o, nx, nxy)) {
             heap.push(entry(o));
             is_queued[o] = true;
@@ -138,13 +152,9 @@ fn thin(
         if !is_simple(bits) {
             continue;
         }
-        if is_medial[o] && is_surface_end(bits) {
-            is_end[o] = true;
-            continue;
-        }
         left.as_mut_slice()[o] = false;
         neighbors(dims, o, Connectivity::Corners26, |n| {
-            if left.as_slice()[n] && !is_queued[n] && !is_end[n] {
+            if left.as_slice()[n] && !is_queued[n] && !is_medial[n] {
                 is_queued[n] = true;
                 heap.push(entry(n));
             }
@@ -154,14 +164,14 @@ fn thin(
     Ok(left)
 }
 
-/// End voxels are kept as they are met, which leaves the surface two voxels thick in places: once
-/// more over what is left, until nothing changes.
+/// Medial voxels make the surface two thick in places: what is no end of the surface is thinned,
+/// until nothing changes.
 fn thin_to_one_voxel(left: &mut Grid<bool>, depth: &[f32], is_medial: &[bool]) {
     /// Rounds at most; each takes at least one voxel away, and two or three are the rule.
     const MAX_ROUNDS: usize = 64;
     let dims = left.dims();
     let mut order: Vec<usize> = (0..left.as_slice().len()).filter(|&o| left.as_slice()[o]).collect();
-    order.sort_by(|&a, &b| depth[a].total_cmp(&depth[b]).then(a.cmp(&b)));
+    order.sort_by_key(|&o| (rank(depth[o]), o));
     for _ in 0..MAX_ROUNDS {
         let before = order.len();
         order.retain(|&o| {

@@ -6,7 +6,8 @@
 //! sheet, both feet move on smoothly; where sheets meet, one foot jumps to another side.
 //!
 //! 1. two adjacent medial points are *linked* when both feet move less than a share of the radius;
-//! 2. linked components are sheets, the largest first; small ones are handed to their neighbours;
+//! 2. linked components of points that see their feet under a wide angle are sheets, if they are
+//!    large enough; other points are handed to the sheets they lie between;
 //! 3. sheets without which the others still account for the object are pruned (stage 2 of the
 //!    paper), and sheets that only met at a pruned one become one again.
 
@@ -26,10 +27,17 @@ use super::params::Prune;
 const FOOT_JUMP: f64 = 0.75;
 /// Movement that is always allowed, voxels: what the grid does to thin sheets.
 const FOOT_JUMP_FLOOR: f64 = 2.5;
+/// Cosine of the angle between the feet of a point that belongs to a sheet beyond doubt: 105°. The
+/// edges of a box have medial sheets of their own that see them under 90°.
+const SURE_FEET_COSINE: f64 = -0.25;
 /// Points that a sheet of its own needs; fewer cannot carry a lattice.
-const MIN_POINTS: usize = 24;
+const MIN_POINTS: usize = 16;
 /// Share of the object's volume that would be lost without a sheet, for it to stay (`auto`).
-const AUTO_LOSS: f64 = 0.015;
+const AUTO_LOSS: f64 = 0.03;
+
+/// Steps along the surface within which sheets meet at one junction: thinning leaves the
+/// junction of thick arms up to two voxels wide.
+const NEAR_STEPS: usize = 4;
 
 /// No sheet.
 pub const NO_SHEET: u32 = u32::MAX;
@@ -64,7 +72,7 @@ pub fn sheets(surface: &MedialSurface, depth: &Depth, prune: Prune, max_figures:
         Prune::Strength(strength) => strength * strength,
     };
     let mut label = linked_components(surface);
-    hand_over_small(surface, &mut label);
+    hand_over_rest(surface, &mut label);
     join_across_pairs(surface, &mut label);
     let mut pruned = 0;
     while let Some(weak) = weakest(surface, depth, &label, threshold, max_figures) {
@@ -72,22 +80,24 @@ pub fn sheets(surface: &MedialSurface, depth: &Depth, prune: Prune, max_figures:
         pruned += 1;
         join_across_pairs(surface, &mut label);
     }
+    trim_edges(surface, &mut label);
     in_order_of_size(surface, &label, pruned)
 }
 
+/// Components of linked sure points, numbered by their first.
 fn linked_components(surface: &MedialSurface) -> Vec<u32> {
     let mut label = vec![NO_SHEET; surface.points.len()];
     let mut count = 0;
     for start in 0..label.len() {
-        if label[start] != NO_SHEET {
+        if label[start] != NO_SHEET || !is_sure(&surface.points[start]) {
             continue;
         }
         let mut stack = vec![id(start)];
         label[start] = count;
         while let Some(a) = stack.pop() {
             for &b in &surface.adjacency[a as usize] {
-                let linked = are_linked(&surface.points[a as usize], &surface.points[b as usize]);
-                if linked && label[b as usize] == NO_SHEET {
+                let (from, to) = (&surface.points[a as usize], &surface.points[b as usize]);
+                if is_sure(to) && are_linked(from, to) && label[b as usize] == NO_SHEET {
                     label[b as usize] = count;
                     stack.push(b);
                 }
@@ -98,6 +108,11 @@ fn linked_components(surface: &MedialSurface) -> Vec<u32> {
     label
 }
 
+/// Whether a point belongs to a sheet beyond doubt.
+fn is_sure(point: &MedialPoint) -> bool {
+    point.feet_cosine < SURE_FEET_COSINE
+}
+
 /// Whether both feet move on smoothly from `a` to `b`.
 fn are_linked(a: &MedialPoint, b: &MedialPoint) -> bool {
     let limit = (FOOT_JUMP * a.radius.min(b.radius)).max(FOOT_JUMP_FLOOR);
@@ -105,19 +120,47 @@ fn are_linked(a: &MedialPoint, b: &MedialPoint) -> bool {
     moved(0, 0).max(moved(1, 1)).min(moved(0, 1).max(moved(1, 0))) <= limit
 }
 
-/// Points of components too small for a sheet go to the nearest sheet along the surface.
-fn hand_over_small(surface: &MedialSurface, label: &mut [u32]) {
+/// Points without a sheet of their own go to the nearest sheet along the surface, if they lie
+/// between sheets or belong to one beyond doubt. The rest are edges and bumps of the boundary.
+fn hand_over_rest(surface: &MedialSurface, label: &mut [u32]) {
     let sizes = sizes(label);
-    label.iter_mut().filter(|l| sizes[*l] < MIN_POINTS).for_each(|l| *l = NO_SHEET);
+    label.iter_mut().filter(|l| sizes.get(l).is_some_and(|s| *s < MIN_POINTS)).for_each(|l| *l = NO_SHEET);
+    let is_between = between_sheets(surface, label);
     let mut queue: VecDeque<u32> = (0..id(label.len())).filter(|&p| label[p as usize] != NO_SHEET).collect();
     while let Some(a) = queue.pop_front() {
         for &b in &surface.adjacency[a as usize] {
-            if label[b as usize] == NO_SHEET {
+            let stays = is_between[b as usize] || is_sure(&surface.points[b as usize]);
+            if label[b as usize] == NO_SHEET && stays {
                 label[b as usize] = label[a as usize];
                 queue.push_back(b);
             }
         }
     }
+}
+
+/// Points in a piece without a label that touches two labels or more.
+fn between_sheets(surface: &MedialSurface, label: &[u32]) -> Vec<bool> {
+    let mut is_between = vec![false; label.len()];
+    let mut seen = vec![false; label.len()];
+    for start in 0..label.len() {
+        if seen[start] || label[start] != NO_SHEET {
+            continue;
+        }
+        seen[start] = true;
+        let (mut piece, mut touched, mut next) = (vec![id(start)], BTreeSet::new(), 0);
+        while next < piece.len() {
+            for &n in &surface.adjacency[piece[next] as usize] {
+                if label[n as usize] != NO_SHEET {
+                    touched.insert(label[n as usize]);
+                } else if !std::mem::replace(&mut seen[n as usize], true) {
+                    piece.push(n);
+                }
+            }
+            next += 1;
+        }
+        piece.iter().for_each(|&p| is_between[p as usize] = touched.len() > 1);
+    }
+    is_between
 }
 
 fn sizes(label: &[u32]) -> BTreeMap<u32, usize> {
@@ -219,12 +262,50 @@ fn contacts(surface: &MedialSurface, label: &[u32]) -> BTreeMap<(u32, u32), BTre
     contacts
 }
 
-/// Two sheets that meet where no third one does are one sheet with a step in it.
+/// Two sheets that touch mostly where no third one is near are one sheet with a step in it.
 fn join_across_pairs(surface: &MedialSurface, label: &mut [u32]) {
-    while let Some((a, b)) =
-        hinges(surface, label).into_iter().find(|h| h.sheets.len() == 2).map(|h| (h.sheets[0], h.sheets[1]))
-    {
+    while let Some((a, b)) = stepped_pair(surface, label) {
         label.iter_mut().filter(|l| **l == b).for_each(|l| *l = a);
+    }
+}
+
+fn stepped_pair(surface: &MedialSurface, label: &[u32]) -> Option<(u32, u32)> {
+    contacts(surface, label).into_iter().find_map(|(pair, points)| {
+        let lone = points.iter().filter(|&&p| !has_third_near(surface, label, pair, p)).count();
+        (2 * lone > points.len()).then_some(pair)
+    })
+}
+
+/// Whether a sheet other than two lies within a few steps along the surface.
+fn has_third_near(surface: &MedialSurface, label: &[u32], (a, b): (u32, u32), start: u32) -> bool {
+    let mut seen = BTreeSet::from([start]);
+    let mut front = vec![start];
+    for _ in 0..NEAR_STEPS {
+        let mut next = Vec::new();
+        for p in front {
+            for &n in &surface.adjacency[p as usize] {
+                let l = label[n as usize];
+                if l != a && l != b && l != NO_SHEET {
+                    return true;
+                }
+                if seen.insert(n) {
+                    next.push(n);
+                }
+            }
+        }
+        front = next;
+    }
+    false
+}
+
+/// Points that are not sure stay only near another sheet, where they make the junction. Elsewhere
+/// they are the start of a sheet that runs into an edge of the boundary.
+fn trim_edges(surface: &MedialSurface, label: &mut [u32]) {
+    let before = label.to_vec();
+    for (p, l) in label.iter_mut().enumerate() {
+        if *l != NO_SHEET && !is_sure(&surface.points[p]) && !has_third_near(surface, &before, (*l, *l), id(p)) {
+            *l = NO_SHEET;
+        }
     }
 }
 
