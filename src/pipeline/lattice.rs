@@ -1,17 +1,16 @@
 //! Stage 6: the N × M lattice over a flattened surface, and the map from the plane back to space
 //! (section 3 of the paper).
 //!
-//! `regular` is the paper's rectangle. `fitted` follows the outline: rows run at equal shares of
-//! the chords across the first axis, then nodes slide along rows and columns in turn until they
-//! are equally spaced along both. The map back is a local quadratic fit (moving least squares), so
+//! `regular` is the paper's rectangle. `fitted` follows the outline: a patch between its four sides,
+//! in which nodes slide along rows and columns in turn until they are equally spaced along both. The map back is a local quadratic fit (moving least squares), so
 //! that the staircase of the voxels does not reach the mesh.
 
-use nalgebra::{Point2, Point3, SVector, Vector3};
+use nalgebra::{Point2, Point3, SVector, Vector2, Vector3};
 
 use crate::numerics::field::{floor_index, id};
 use crate::numerics::fit::{LocalFit, quadratic};
 
-use super::outline::{Chords, Region};
+use super::outline::{FourSides, Region};
 use super::params::{LatticeKind, LatticeSize};
 
 /// Radius of the local fits, voxels. Below 3 the staircase shows; above 6 bends of small radius
@@ -38,24 +37,19 @@ pub struct Lattice {
 /// A lattice over the region, or `None` when the region is empty.
 #[must_use]
 pub fn lattice(region: &Region, kind: LatticeKind, size: LatticeSize, margin: f64) -> Option<Lattice> {
-    let chords = region.chords()?;
     let nodes = match kind {
-        LatticeKind::Fitted => fitted(&chords, size, margin),
-        LatticeKind::Regular => regular(&chords, size, margin),
+        LatticeKind::Fitted => fitted(&region.four_sides()?, size, margin),
+        LatticeKind::Regular => regular(region.bounds()?, size, margin),
     };
     let valid = nodes.iter().map(|n| region.contains(*n)).collect();
     Some(Lattice { size, nodes, valid })
 }
 
 /// The paper's rectangle: the bounding box of the region less the margin.
-fn regular(chords: &Chords, size: LatticeSize, margin: f64) -> Vec<Point2<f64>> {
-    let [first, last] = chords.ends;
-    let stations = 4 * size.cols;
-    let spread = (0..=stations).map(|k| chords.at(first + (last - first) * share(k, stations + 1, 0.0)));
-    let (low, high) = spread.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), c| (l.min(c[0]), h.max(c[1])));
+fn regular([low, high]: [Point2<f64>; 2], size: LatticeSize, margin: f64) -> Vec<Point2<f64>> {
     let node = |i: usize, j: usize| {
-        let u = first + (last - first) * share(j, size.cols, margin);
-        Point2::new(u, low + (high - low) * share(i, size.rows, margin))
+        let shares = Vector2::new(share(j, size.cols, margin), share(i, size.rows, margin));
+        low + (high - low).component_mul(&shares)
     };
     (0..size.rows * size.cols).map(|n| node(n / size.cols, n % size.cols)).collect()
 }
@@ -65,13 +59,9 @@ fn share(k: usize, count: usize, margin: f64) -> f64 {
     margin + (1.0 - 2.0 * margin) * k as f64 / (count - 1) as f64
 }
 
-/// Shares (along the first axis, across the chord) of the nodes of a fitted lattice.
-fn fitted(chords: &Chords, size: LatticeSize, margin: f64) -> Vec<Point2<f64>> {
-    let at = |s: Point2<f64>| {
-        let u = chords.ends[0] + (chords.ends[1] - chords.ends[0]) * s.x;
-        let [low, high] = chords.at(u);
-        Point2::new(u, low + (high - low) * s.y)
-    };
+/// Nodes that follow the outline, equally spaced along rows and columns.
+fn fitted(sides: &FourSides, size: LatticeSize, margin: f64) -> Vec<Point2<f64>> {
+    let at = |s: Point2<f64>| sides.at(s);
     let LatticeSize { rows, cols } = size;
     let mut shares: Vec<Point2<f64>> =
         (0..rows * cols).map(|n| Point2::new(share(n % cols, cols, margin), share(n / cols, rows, margin))).collect();
@@ -145,8 +135,8 @@ impl<'a> SpaceFromPlane<'a> {
     /// From the points' plane coordinates, positions and a value each (may be empty: then 0).
     #[must_use]
     pub fn new(flat: &'a [Point2<f64>], positions: &'a [Point3<f64>], values: &'a [f64]) -> Self {
-        let low = flat.iter().fold(nalgebra::Vector2::repeat(f64::INFINITY), |a, p| a.inf(&p.coords));
-        let high = flat.iter().fold(nalgebra::Vector2::repeat(f64::NEG_INFINITY), |a, p| a.sup(&p.coords));
+        let low = flat.iter().fold(Vector2::repeat(f64::INFINITY), |a, p| a.inf(&p.coords));
+        let high = flat.iter().fold(Vector2::repeat(f64::NEG_INFINITY), |a, p| a.sup(&p.coords));
         let cells = [0, 1].map(|a| floor_index((high - low)[a] / FIT_RADIUS) + 1);
         let mut map =
             Self { flat, positions, values, origin: low.into(), cells, members: vec![Vec::new(); cells[0] * cells[1]] };

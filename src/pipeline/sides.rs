@@ -74,9 +74,8 @@ pub fn sides(
     for members in &sheets.members {
         let whole = part_of(surface, members);
         let members: Vec<u32> = whole.largest_piece().into_iter().map(|k| members[k as usize]).collect();
-        let medial =
-            Surface::part(|p| surface.points[p as usize].position, |p| surface.adjacency[p as usize].clone(), members);
-        let normals = oriented_normals(surface, members, &medial, &solid.world_from_work)?;
+        let medial = part_of(surface, &members);
+        let normals = oriented_normals(surface, &members, &medial, &solid.world_from_work)?;
         for (local, (&p, n)) in members.iter().zip(&normals).enumerate() {
             normal_of[p as usize] = *n;
             local_of[p as usize] = id(local);
