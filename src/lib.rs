@@ -4,8 +4,14 @@ pub mod space;
 
 pub mod numerics;
 
+pub mod samples;
+
 pub mod pipeline;
 
 pub mod problem;
 
+pub mod formats;
+
 pub mod jobs;
+
+pub mod cli;

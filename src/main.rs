@@ -1,1 +1,9 @@
-fn main() {}
+//! The `medialrep` program: arguments, then one call.
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+fn main() -> ExitCode {
+    medialrep::cli::main(medialrep::cli::Arguments::parse())
+}

@@ -1,26 +1,30 @@
 //! One mask from file to artifacts: read, run the pipeline, write. Synchronous; the service's
 //! workers and `medialrep run` both call it.
 
-use std::path::Path;
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
 
-use crate::pipeline::observer::{Observer, Warning};
+use sha2::{Digest, Sha256};
+
+use crate::formats::thickness_json::{InputFacts, OuterTimings};
+use crate::formats::{self, ReadError, glb, hex, tables, thickness_json};
+use crate::pipeline::model::Model;
+use crate::pipeline::observer::{Cancelled, Observer, Warning};
 use crate::pipeline::params::CheckedParams;
+use crate::pipeline::{self, PipelineError};
 use crate::problem::Problem;
 
-/// Bounds on what a file may ask of the machine.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct InputLimits {
-    /// Voxels of the volume.
-    pub max_voxels: u64,
-    /// Bytes after decompression.
-    pub max_decompressed_bytes: u64,
-}
+pub use crate::formats::InputLimits;
 
-impl Default for InputLimits {
-    fn default() -> Self {
-        Self { max_voxels: 1 << 29, max_decompressed_bytes: 4 << 30 }
-    }
-}
+/// Names and media types of the artifacts, in the order of the contract.
+pub const ARTIFACTS: [(&str, &str); 4] = [
+    ("model.glb", "model/gltf-binary"),
+    ("thickness.json", "application/json"),
+    ("thickness.csv", "text/csv"),
+    ("points.csv", "text/csv"),
+];
 
 /// An artifact that was written.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -53,8 +57,53 @@ pub enum ProcessError {
     Problem(Box<Problem>),
 }
 
+impl From<Problem> for ProcessError {
+    fn from(problem: Problem) -> Self {
+        Self::Problem(Box::new(problem))
+    }
+}
+
+impl From<Cancelled> for ProcessError {
+    fn from(_: Cancelled) -> Self {
+        Self::Cancelled
+    }
+}
+
+impl From<ReadError> for ProcessError {
+    fn from(error: ReadError) -> Self {
+        if let ReadError::Io(error) = &error {
+            tracing::error!(%error, "reading the mask failed");
+        }
+        Problem::from(&error).into()
+    }
+}
+
+impl From<PipelineError> for ProcessError {
+    fn from(error: PipelineError) -> Self {
+        match error {
+            PipelineError::Cancelled(_) => Self::Cancelled,
+            PipelineError::Refused(refusal) => Problem::from(&refusal).into(),
+        }
+    }
+}
+
+impl From<io::Error> for ProcessError {
+    fn from(error: io::Error) -> Self {
+        tracing::error!(%error, "writing the results failed");
+        match error.kind() {
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
+                Problem::new(507, "storage_full", "there is no room left for the results")
+                    .hint("try again later")
+                    .into()
+            }
+            _ => Problem::internal().into(),
+        }
+    }
+}
+
 /// Reads the mask at `mask`, runs the pipeline and writes all artifacts into the folder `out`
-/// (which must exist). On an error none of the artifacts is left there.
+/// (which must exist). On an error none of the artifacts is left there, not even those of an
+/// earlier run: they would be taken for the answer.
 ///
 /// # Errors
 /// When the file is refused, the shape has no medial representation, or the run is cancelled.
@@ -65,6 +114,133 @@ pub fn process(
     out: &Path,
     observer: &dyn Observer,
 ) -> Result<Processed, ProcessError> {
-    let _ = (mask, params, limits, out, observer);
-    Err(ProcessError::Problem(Box::new(Problem::internal())))
+    let start = Instant::now();
+    remove_artifacts(out);
+    let read = formats::read_file(mask, limits)?;
+    observer.check()?;
+    let read_ms = milliseconds(start);
+    let model = pipeline::run(&read.volume, params, observer)?;
+    let notices = read.volume.notices;
+    let warnings = notices.into_iter().map(|n| Warning { code: n.code, message: n.message }).collect();
+    // The voxels are not needed any more, and there may be many of them.
+    drop(read.volume.indices);
+    let input = InputFacts { sha256: read.sha256, format: read.format };
+    publish(&model, &Source { input, warnings, start, read_ms }, out, observer)
+}
+
+/// What the artifacts say of the file and the run.
+#[derive(Clone, Debug)]
+pub struct Source {
+    /// The file.
+    pub input: InputFacts,
+    /// The reader's warnings.
+    pub warnings: Vec<Warning>,
+    /// When the run began.
+    pub start: Instant,
+    /// Milliseconds that reading took.
+    pub read_ms: f64,
+}
+
+/// Writes the artifacts of `model` into the folder `out`: all of them or, on an error, none.
+///
+/// # Errors
+/// When writing fails or the run is cancelled.
+pub fn publish(model: &Model, source: &Source, out: &Path, observer: &dyn Observer) -> Result<Processed, ProcessError> {
+    let write_start = Instant::now();
+    let mut draft = Draft { folder: out, is_complete: false };
+    let mut artifacts = Vec::new();
+    // thickness.json comes last: it tells how long the others took.
+    for index in [0, 2, 3, 1] {
+        observer.check()?;
+        let (name, media_type) = ARTIFACTS[index];
+        let (bytes, sha256) = draft.write(name, |file| match name {
+            "model.glb" => glb::write(model, file),
+            "thickness.csv" => tables::write_thickness(model, file),
+            "points.csv" => tables::write_points(model, file),
+            _ => {
+                let (write_ms, total_ms) = (milliseconds(write_start), milliseconds(source.start));
+                let timings = OuterTimings { read_ms: source.read_ms, write_ms, total_ms };
+                thickness_json::write(model, &source.input, &source.warnings, timings, file)
+            }
+        })?;
+        artifacts.push((index, Artifact { name, media_type, bytes, sha256 }));
+    }
+    observer.check()?;
+    draft.complete()?;
+    artifacts.sort_by_key(|(index, _)| *index);
+    let of_structures = model.structures.iter().flat_map(|structure| &structure.warnings);
+    Ok(Processed {
+        artifacts: artifacts.into_iter().map(|(_, artifact)| artifact).collect(),
+        warnings: source.warnings.iter().chain(of_structures).cloned().collect(),
+    })
+}
+
+fn milliseconds(since: Instant) -> f64 {
+    since.elapsed().as_secs_f64() * 1e3
+}
+
+/// Files under temporary names until all are there; dropped before that, it removes them.
+struct Draft<'a> {
+    folder: &'a Path,
+    is_complete: bool,
+}
+
+impl Draft<'_> {
+    /// Size and hash of what `write` wrote.
+    fn write(&mut self, name: &str, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<(u64, String)> {
+        let file = File::create(partial(self.folder, name))?;
+        let mut hashed = Hashed { file, hash: Sha256::new(), bytes: 0 };
+        let mut buffered = BufWriter::with_capacity(1 << 16, &mut hashed);
+        write(&mut buffered)?;
+        buffered.flush()?;
+        drop(buffered);
+        Ok((hashed.bytes, hex(&hashed.hash.finalize())))
+    }
+
+    fn complete(mut self) -> io::Result<()> {
+        for (name, _) in ARTIFACTS {
+            std::fs::rename(partial(self.folder, name), self.folder.join(name))?;
+        }
+        self.is_complete = true;
+        Ok(())
+    }
+}
+
+impl Drop for Draft<'_> {
+    fn drop(&mut self) {
+        if !self.is_complete {
+            remove_artifacts(self.folder);
+        }
+    }
+}
+
+fn partial(folder: &Path, name: &str) -> PathBuf {
+    folder.join(format!(".{name}.partial"))
+}
+
+/// What cannot be removed is not there.
+fn remove_artifacts(folder: &Path) {
+    for (name, _) in ARTIFACTS {
+        let _ = std::fs::remove_file(partial(folder, name));
+        let _ = std::fs::remove_file(folder.join(name));
+    }
+}
+
+struct Hashed {
+    file: File,
+    hash: Sha256,
+    bytes: u64,
+}
+
+impl Write for Hashed {
+    fn write(&mut self, buffer: &[u8]) -> io::Result<usize> {
+        let count = self.file.write(buffer)?;
+        self.hash.update(&buffer[..count]);
+        self.bytes += count as u64;
+        Ok(count)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
 }

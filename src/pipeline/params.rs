@@ -1,5 +1,6 @@
 //! What a user may ask for, and the checked form the stages read.
 
+use std::borrow::Cow;
 use std::fmt;
 
 /// Lattice size: `rows` across the shorter intrinsic axis, `cols` along the longer.
@@ -117,7 +118,7 @@ impl Default for Params {
 #[error("{field}: got {got}, allowed is {allowed}")]
 pub struct ParamsError {
     /// The field, dotted (`grid.rows`).
-    pub field: &'static str,
+    pub field: Cow<'static, str>,
     /// What was given.
     pub got: String,
     /// What is allowed.
@@ -183,7 +184,7 @@ impl Params {
             within("labels", labels.len(), &LABEL_COUNT)?;
             if labels.contains(&0) {
                 let allowed = "labels other than 0, the background".to_owned();
-                return Err(ParamsError { field: "labels", got: "0".to_owned(), allowed });
+                return Err(ParamsError { field: "labels".into(), got: "0".to_owned(), allowed });
             }
         }
         self.check_combinations()?;
@@ -193,7 +194,7 @@ impl Params {
     fn check_combinations(&self) -> Result<(), ParamsError> {
         if self.spacing_mm.is_some() && self.grid != GridChoice::Auto {
             return Err(ParamsError {
-                field: "spacing_mm",
+                field: "spacing_mm".into(),
                 got: "a spacing with a fixed grid".to_owned(),
                 allowed: "a spacing only with grid \"auto\"".to_owned(),
             });
@@ -211,5 +212,5 @@ fn within<T: PartialOrd + fmt::Display>(
         return Ok(());
     }
     let allowed = format!("{} to {}", range.start(), range.end());
-    Err(ParamsError { field, got: value.to_string(), allowed })
+    Err(ParamsError { field: field.into(), got: value.to_string(), allowed })
 }

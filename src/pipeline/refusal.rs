@@ -84,6 +84,18 @@ pub enum Refusal {
     },
 }
 
+/// The codes that speak of the object's shape, not of the file it came in: all but
+/// [`Refusal::LabelMissing`] and [`Refusal::EmptyMask`].
+pub const SHAPE_CODES: [&str; 7] = [
+    "too_thin",
+    "too_small",
+    "shape_is_a_ball",
+    "shape_is_a_tube",
+    "not_orientable",
+    "not_a_disc",
+    "working_grid_too_large",
+];
+
 impl Refusal {
     /// Stable code, snake case.
     #[must_use]

@@ -1,0 +1,62 @@
+//! The command line: `serve`, `run`, `sample`.
+
+pub mod serve;
+
+pub mod run;
+
+pub mod sample;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Exit codes, as the contract has them. 0 is done.
+pub mod exit {
+    /// Our fault.
+    pub const INTERNAL: u8 = 1;
+    /// Wrong usage.
+    pub const USAGE: u8 = 2;
+    /// The file was refused.
+    pub const FILE_REFUSED: u8 = 3;
+    /// The shape has no medial representation.
+    pub const SHAPE_REFUSED: u8 = 4;
+}
+
+/// Medial representation of anatomical shapes: a mask in, the medial sheet, surfaces and
+/// thickness vectors out.
+#[derive(Debug, Parser)]
+#[command(version, about, max_term_width = 100)]
+pub struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Start the service
+    Serve(serve::ServeArgs),
+    /// Process one mask, without the service
+    Run(run::RunArgs),
+    /// Write an analytic mask to try the program on
+    Sample(sample::SampleArgs),
+}
+
+/// Does what the arguments say; an error is told in one line.
+#[must_use]
+pub fn main(arguments: Arguments) -> ExitCode {
+    let outcome = match arguments.command {
+        Command::Serve(arguments) => serve::serve(arguments),
+        Command::Run(arguments) => run::run(arguments),
+        Command::Sample(arguments) => sample::sample(arguments),
+    };
+    outcome.unwrap_or_else(|error| {
+        complain(&format!("{error:#}"));
+        ExitCode::from(exit::INTERNAL)
+    })
+}
+
+/// One line on stderr, whatever is in `text`.
+#[allow(clippy::print_stderr, reason = "this is the command line")]
+fn complain(text: &str) {
+    eprintln!("medialrep: {}", text.replace(['\n', '\r'], " "));
+}

@@ -1,0 +1,259 @@
+//! Voxels as stored → indices of labels, in chunks, two bytes a voxel.
+
+use std::collections::HashMap;
+use std::io::Read;
+
+use super::nifti_header::{Datatype, Layout, Scaling};
+use super::read_error::ReadError;
+use super::sniff::ByteOrder;
+use super::stream::Stream;
+
+/// Bytes decoded at a time, a multiple of every datatype's size.
+const CHUNK_BYTES: usize = 1 << 18;
+/// Voxels for which room is reserved before any has come: a header may lie about the rest.
+const FIRST_RESERVATION: usize = 1 << 20;
+/// How far from a whole number a label may be after scaling: float32 volumes that went through
+/// a resampler with nearest neighbours stay within it, interpolated ones do not.
+const WHOLE_NUMBER_TOLERANCE: f64 = 1e-3;
+/// Stored values remembered. Label maps have few; a float image has millions, which would cost
+/// more memory than its voxels.
+const MAX_REMEMBERED: usize = 1 << 17;
+/// A stored value that was not met yet.
+const UNSEEN: u32 = u32::MAX;
+/// Floats hold every whole number up to here.
+const MAX_EXACT: f64 = 9_007_199_254_740_992.0;
+
+/// A label map before it has a place in the world.
+#[derive(Debug)]
+pub(super) struct Voxels {
+    pub indices: Vec<u16>,
+    /// The background first, then ascending.
+    pub label_values: Vec<i64>,
+    pub label_voxels: Vec<u64>,
+    /// Voxels that were NaN and count as background.
+    pub nan_voxels: u64,
+}
+
+/// Reads exactly `layout.voxels` voxels.
+pub(super) fn read_voxels<R: Read>(stream: &mut Stream<R>, layout: &Layout) -> Result<Voxels, ReadError> {
+    let size = layout.datatype.bytes();
+    let mut table = Table::new(layout);
+    let mut indices = Vec::with_capacity(layout.voxels.min(FIRST_RESERVATION));
+    let mut buffer = vec![0; CHUNK_BYTES];
+    while indices.len() < layout.voxels {
+        let wanted = ((layout.voxels - indices.len()) * size).min(CHUNK_BYTES);
+        let got = stream.fill(&mut buffer[..wanted])?;
+        if got < wanted {
+            let expected = layout.offset + (layout.voxels * size) as u64;
+            return Err(ReadError::Truncated { expected, got: stream.position() });
+        }
+        reserve(&mut indices, wanted / size, layout.voxels);
+        table.decode(&buffer[..wanted], &mut indices)?;
+    }
+    Ok(table.finish(indices))
+}
+
+/// Doubles as a vector does, but never beyond what the volume needs.
+fn reserve(indices: &mut Vec<u16>, more: usize, total: usize) {
+    if indices.capacity() - indices.len() < more {
+        let target = (indices.capacity() * 2).max(indices.len() + more).min(total);
+        indices.reserve_exact(target - indices.len());
+    }
+}
+
+/// From stored bit patterns to indices, in the order in which labels were met.
+struct Table {
+    datatype: Datatype,
+    order: ByteOrder,
+    scaling: Option<Scaling>,
+    dims: [usize; 3],
+    /// By bit pattern, for stored values of one or two bytes.
+    small: Vec<u32>,
+    /// By bit pattern, for wider ones.
+    wide: HashMap<u64, u16>,
+    by_label: HashMap<i64, u16>,
+    /// By index; NaN has one of its own until the end, where it joins the background.
+    labels: Vec<Option<i64>>,
+    nan: Option<u16>,
+}
+
+impl Table {
+    fn new(layout: &Layout) -> Self {
+        let small = match layout.datatype.bytes() {
+            1 => 1 << 8,
+            2 => 1 << 16,
+            _ => 0,
+        };
+        Self {
+            datatype: layout.datatype,
+            order: layout.order,
+            scaling: layout.scaling,
+            dims: layout.dims,
+            small: vec![UNSEEN; small],
+            wide: HashMap::new(),
+            by_label: HashMap::from([(0, 0)]),
+            labels: vec![Some(0)],
+            nan: None,
+        }
+    }
+
+    fn decode(&mut self, bytes: &[u8], indices: &mut Vec<u16>) -> Result<(), ReadError> {
+        match (self.datatype.bytes(), self.order) {
+            (1, _) => self.decode_small(bytes.iter().map(|b| u16::from(*b)), indices),
+            (2, ByteOrder::Little) => self.decode_small(patterns(bytes).map(u16::from_le_bytes), indices),
+            (2, ByteOrder::Big) => self.decode_small(patterns(bytes).map(u16::from_be_bytes), indices),
+            (4, ByteOrder::Little) => {
+                self.decode_wide(patterns(bytes).map(|b| u64::from(u32::from_le_bytes(b))), indices)
+            }
+            (4, ByteOrder::Big) => self.decode_wide(patterns(bytes).map(|b| u64::from(u32::from_be_bytes(b))), indices),
+            (_, ByteOrder::Little) => self.decode_wide(patterns(bytes).map(u64::from_le_bytes), indices),
+            (_, ByteOrder::Big) => self.decode_wide(patterns(bytes).map(u64::from_be_bytes), indices),
+        }
+    }
+
+    fn decode_small(&mut self, values: impl Iterator<Item = u16>, indices: &mut Vec<u16>) -> Result<(), ReadError> {
+        for pattern in values {
+            let mut index = self.small[usize::from(pattern)];
+            if index == UNSEEN {
+                index = u32::from(self.index_of(u64::from(pattern), indices.len())?);
+                self.small[usize::from(pattern)] = index;
+            }
+            #[allow(clippy::cast_possible_truncation, reason = "every entry but UNSEEN came from a u16")]
+            indices.push(index as u16);
+        }
+        Ok(())
+    }
+
+    fn decode_wide(&mut self, values: impl Iterator<Item = u64>, indices: &mut Vec<u16>) -> Result<(), ReadError> {
+        // Neighbours are mostly alike: ask the map only when the pattern changes.
+        let mut last: Option<(u64, u16)> = None;
+        for pattern in values {
+            let index = match last {
+                Some((same, index)) if same == pattern => index,
+                _ => self.remembered(pattern, indices.len())?,
+            };
+            last = Some((pattern, index));
+            indices.push(index);
+        }
+        Ok(())
+    }
+
+    fn remembered(&mut self, pattern: u64, offset: usize) -> Result<u16, ReadError> {
+        if let Some(index) = self.wide.get(&pattern) {
+            return Ok(*index);
+        }
+        let index = self.index_of(pattern, offset)?;
+        if self.wide.len() < MAX_REMEMBERED {
+            self.wide.insert(pattern, index);
+        }
+        Ok(index)
+    }
+
+    /// The slow way: decode, scale, check, and look the label up or add it.
+    fn index_of(&mut self, pattern: u64, offset: usize) -> Result<u16, ReadError> {
+        let label = match (self.stored(pattern), self.scaling) {
+            (Stored::Whole(value), None) => i64::try_from(value).map_err(|_| self.no_label(value as f64, offset))?,
+            (Stored::Whole(value), Some(scaling)) => self.whole(scaled(value as f64, scaling), offset)?,
+            (Stored::Real(value), _) if value.is_nan() => return self.nan_index(),
+            (Stored::Real(value), None) => self.whole(value, offset)?,
+            (Stored::Real(value), Some(scaling)) => self.whole(scaled(value, scaling), offset)?,
+        };
+        if let Some(index) = self.by_label.get(&label) {
+            return Ok(*index);
+        }
+        let index = self.add(Some(label))?;
+        self.by_label.insert(label, index);
+        Ok(index)
+    }
+
+    fn nan_index(&mut self) -> Result<u16, ReadError> {
+        match self.nan {
+            Some(index) => Ok(index),
+            None => {
+                let index = self.add(None)?;
+                self.nan = Some(index);
+                Ok(index)
+            }
+        }
+    }
+
+    fn add(&mut self, label: Option<i64>) -> Result<u16, ReadError> {
+        let index = u16::try_from(self.labels.len())
+            .map_err(|_| ReadError::TooManyLabels { allowed: usize::from(u16::MAX) })?;
+        self.labels.push(label);
+        Ok(index)
+    }
+
+    #[allow(
+        clippy::cast_possible_truncation,
+        reason = "a pattern of n bytes has zeros above them; each arm takes its n bytes back"
+    )]
+    fn stored(&self, pattern: u64) -> Stored {
+        match self.datatype {
+            Datatype::Uint8 | Datatype::Uint16 | Datatype::Uint32 | Datatype::Uint64 => {
+                Stored::Whole(i128::from(pattern))
+            }
+            Datatype::Int8 => Stored::Whole(i128::from((pattern as u8).cast_signed())),
+            Datatype::Int16 => Stored::Whole(i128::from((pattern as u16).cast_signed())),
+            Datatype::Int32 => Stored::Whole(i128::from((pattern as u32).cast_signed())),
+            Datatype::Int64 => Stored::Whole(i128::from(pattern.cast_signed())),
+            Datatype::Float32 => Stored::Real(f64::from(f32::from_bits(pattern as u32))),
+            Datatype::Float64 => Stored::Real(f64::from_bits(pattern)),
+        }
+    }
+
+    fn whole(&self, value: f64, offset: usize) -> Result<i64, ReadError> {
+        let rounded = value.round();
+        // Also false for infinities.
+        if (value - rounded).abs() <= WHOLE_NUMBER_TOLERANCE && rounded.abs() <= MAX_EXACT {
+            #[allow(clippy::cast_possible_truncation, reason = "whole and below 2^53")]
+            return Ok(rounded as i64);
+        }
+        Err(self.no_label(value, offset))
+    }
+
+    fn no_label(&self, value: f64, offset: usize) -> ReadError {
+        let [nx, ny, _] = self.dims;
+        let voxel = [offset % nx, offset / nx % ny, offset / (nx * ny)].map(|n| n as u64);
+        ReadError::NotALabelMap { voxel, value }
+    }
+
+    /// Sorts the labels and counts their voxels.
+    fn finish(self, mut indices: Vec<u16>) -> Voxels {
+        let mut old_of_new: Vec<usize> = (1..self.labels.len()).filter(|old| self.labels[*old].is_some()).collect();
+        old_of_new.sort_by_key(|old| self.labels[*old]);
+        old_of_new.insert(0, 0);
+        let mut new_of_old = vec![0_u16; self.labels.len()];
+        for (new, old) in (0_u16..=u16::MAX).zip(&old_of_new) {
+            new_of_old[*old] = new;
+        }
+        let mut label_voxels = vec![0_u64; old_of_new.len()];
+        let mut nan_voxels = 0;
+        for run in indices.chunk_by_mut(|a, b| a == b) {
+            let (old, count) = (run[0], run.len() as u64);
+            let new = new_of_old[usize::from(old)];
+            label_voxels[usize::from(new)] += count;
+            if self.nan == Some(old) {
+                nan_voxels += count;
+            }
+            if new != old {
+                run.fill(new);
+            }
+        }
+        let label_values = old_of_new.iter().map(|old| self.labels[*old].unwrap_or(0)).collect();
+        Voxels { indices, label_values, label_voxels, nan_voxels }
+    }
+}
+
+enum Stored {
+    Whole(i128),
+    Real(f64),
+}
+
+fn scaled(value: f64, scaling: Scaling) -> f64 {
+    value * scaling.slope + scaling.intercept
+}
+
+fn patterns<const N: usize>(bytes: &[u8]) -> impl Iterator<Item = [u8; N]> + '_ {
+    bytes.as_chunks::<N>().0.iter().copied()
+}

@@ -1,0 +1,219 @@
+//! Why a file is refused. The fields hold numbers and fixed words only: text of a header may
+//! name a patient.
+
+use crate::problem::Problem;
+
+/// A file that is not read. Every variant has its own stable code.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// No NIfTI at all.
+    #[error("the file is not a NIfTI image{}", .looks_like.map(|x| format!(": it looks like {x}")).unwrap_or_default())]
+    NotNifti {
+        /// What it seems to be instead.
+        looks_like: Option<&'static str>,
+    },
+    /// A header whose voxels are in another file.
+    #[error("the file is one half of a NIfTI pair (.hdr and .img): its voxels are in another file")]
+    TwoFileNifti,
+    /// The file ends early.
+    #[error("the file is truncated: {expected} bytes are needed, it ends after {got}")]
+    Truncated {
+        /// Bytes needed, decompressed.
+        expected: u64,
+        /// Bytes that came, decompressed.
+        got: u64,
+    },
+    /// The gzip stream does not decode.
+    #[error("the gzip stream is damaged after {after} decompressed bytes")]
+    CorruptGzip {
+        /// Bytes that were decoded before.
+        after: u64,
+    },
+    /// The gzip stream decodes to something else than was packed.
+    #[error("the gzip checksum does not match: the file was damaged on its way")]
+    BadChecksum,
+    /// More bytes than the volume can have.
+    #[error("the file holds more than {allowed} bytes after its {expected} bytes of header and voxels")]
+    TrailingData {
+        /// Bytes of header and voxels.
+        expected: u64,
+        /// Bytes tolerated after them.
+        allowed: u64,
+    },
+    /// A decompression bomb, or a volume larger than allowed.
+    #[error("the file is larger than {limit} bytes when decompressed")]
+    DecompressedTooLarge {
+        /// Bytes allowed.
+        limit: u64,
+    },
+    /// An axis of no or an absurd length.
+    #[error("dimension {axis} is {got}, allowed is {allowed}")]
+    BadDimensions {
+        /// Index into `dim`.
+        axis: usize,
+        /// The value.
+        got: i64,
+        /// What is allowed.
+        allowed: &'static str,
+    },
+    /// More voxels than allowed.
+    #[error("the volume has {voxels} voxels, allowed are {allowed}")]
+    TooManyVoxels {
+        /// Voxels.
+        voxels: u128,
+        /// Voxels allowed.
+        allowed: u64,
+    },
+    /// A series or a vector image.
+    #[error("the file holds {count} volumes along dimension {axis}, one is needed")]
+    SeveralVolumes {
+        /// Index into `dim`.
+        axis: usize,
+        /// Their number.
+        count: i64,
+    },
+    /// Voxels that are no plain numbers.
+    #[error("voxels of datatype {code} ({name}) are not supported")]
+    UnsupportedDatatype {
+        /// NIfTI's code.
+        code: i32,
+        /// NIfTI's name.
+        name: &'static str,
+    },
+    /// A header field with a senseless value.
+    #[error("header field {field} is {got}, allowed is {allowed}")]
+    BadHeaderField {
+        /// The field.
+        field: &'static str,
+        /// The value, a number.
+        got: f64,
+        /// What is allowed.
+        allowed: &'static str,
+    },
+    /// No usable orientation.
+    #[error("the orientation in {field} is unusable: {reason}")]
+    BadAffine {
+        /// Where it stands.
+        field: &'static str,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// An intensity or probability image.
+    #[error("voxel {voxel:?} has the value {value}: labels are whole numbers")]
+    NotALabelMap {
+        /// Where.
+        voxel: [u64; 3],
+        /// The value after scaling.
+        value: f64,
+    },
+    /// More labels than an index can hold.
+    #[error("the volume has more than {allowed} different labels")]
+    TooManyLabels {
+        /// Labels allowed.
+        allowed: usize,
+    },
+    /// The file could not be read at all: our fault or the disk's.
+    #[error("reading failed: {0}")]
+    Io(std::io::Error),
+}
+
+impl ReadError {
+    /// Stable code, snake case.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::NotNifti { .. } => "not_nifti",
+            Self::TwoFileNifti => "two_file_nifti",
+            Self::Truncated { .. } => "truncated",
+            Self::CorruptGzip { .. } => "corrupt_gzip",
+            Self::BadChecksum => "bad_checksum",
+            Self::TrailingData { .. } => "trailing_data",
+            Self::DecompressedTooLarge { .. } => "decompressed_too_large",
+            Self::BadDimensions { .. } => "bad_dimensions",
+            Self::TooManyVoxels { .. } => "too_many_voxels",
+            Self::SeveralVolumes { .. } => "several_volumes",
+            Self::UnsupportedDatatype { .. } => "unsupported_datatype",
+            Self::BadHeaderField { .. } => "bad_header_field",
+            Self::BadAffine { .. } => "bad_affine",
+            Self::NotALabelMap { .. } => "not_a_label_map",
+            Self::TooManyLabels { .. } => "too_many_labels",
+            Self::Io(_) => "internal",
+        }
+    }
+
+    /// HTTP status: 400 malformed, 413 too large, 415 another format, 422 understood but
+    /// impossible.
+    #[must_use]
+    pub fn status(&self) -> u16 {
+        match self {
+            Self::NotNifti { .. } | Self::TwoFileNifti => 415,
+            Self::Truncated { .. }
+            | Self::CorruptGzip { .. }
+            | Self::BadChecksum
+            | Self::TrailingData { .. }
+            | Self::BadDimensions { .. }
+            | Self::BadHeaderField { .. } => 400,
+            Self::DecompressedTooLarge { .. } | Self::TooManyVoxels { .. } => 413,
+            Self::SeveralVolumes { .. }
+            | Self::UnsupportedDatatype { .. }
+            | Self::BadAffine { .. }
+            | Self::NotALabelMap { .. }
+            | Self::TooManyLabels { .. } => 422,
+            Self::Io(_) => 500,
+        }
+    }
+
+    /// A header field or a byte offset (decompressed).
+    #[must_use]
+    pub fn location(&self) -> String {
+        match self {
+            Self::NotNifti { .. } => "byte 0".to_owned(),
+            Self::TwoFileNifti => "header.magic".to_owned(),
+            Self::Truncated { got, .. } => format!("byte {got}"),
+            Self::CorruptGzip { after } => format!("byte {after}"),
+            Self::BadChecksum => "the gzip trailer".to_owned(),
+            Self::TrailingData { expected, .. } => format!("byte {expected}"),
+            Self::DecompressedTooLarge { limit } => format!("byte {limit}"),
+            Self::BadDimensions { axis, .. } | Self::SeveralVolumes { axis, .. } => format!("header.dim[{axis}]"),
+            Self::TooManyVoxels { .. } => "header.dim".to_owned(),
+            Self::UnsupportedDatatype { .. } => "header.datatype".to_owned(),
+            Self::BadHeaderField { field, .. } | Self::BadAffine { field, .. } => format!("header.{field}"),
+            Self::NotALabelMap { voxel, .. } => format!("voxel {voxel:?}"),
+            Self::TooManyLabels { .. } | Self::Io(_) => "the voxels".to_owned(),
+        }
+    }
+
+    /// What to do.
+    #[must_use]
+    pub fn hint(&self) -> &'static str {
+        match self {
+            Self::NotNifti { .. } => "send the mask as NIfTI (.nii or .nii.gz)",
+            Self::TwoFileNifti => "save it as a single file (.nii or .nii.gz)",
+            Self::Truncated { .. } | Self::CorruptGzip { .. } | Self::BadChecksum => {
+                "send the file again; if that does not help, export it again"
+            }
+            Self::TrailingData { .. } => "export the mask again: its header does not match its content",
+            Self::DecompressedTooLarge { .. } | Self::TooManyVoxels { .. } => {
+                "crop the volume to the structures of interest, or resample it"
+            }
+            Self::BadDimensions { .. } | Self::BadHeaderField { .. } => {
+                "export the mask again, or repair its header with the tool that wrote it"
+            }
+            Self::SeveralVolumes { .. } => "send one volume: split the series and send the one with the mask",
+            Self::UnsupportedDatatype { .. } => "save the mask with an integer datatype, such as uint8 or int16",
+            Self::BadAffine { .. } => "set a valid sform or qform (finite, no two axes parallel, spacing in mm)",
+            Self::NotALabelMap { .. } => "threshold it first, and save labels without interpolation",
+            Self::TooManyLabels { .. } => "send a label map, not an intensity image",
+            Self::Io(_) => "try again later",
+        }
+    }
+}
+
+impl From<&ReadError> for Problem {
+    fn from(error: &ReadError) -> Self {
+        if matches!(error, ReadError::Io(_)) {
+            return Self::internal();
+        }
+        Self::new(error.status(), error.code(), error.to_string()).at(error.location()).hint(error.hint())
+    }
+}
