@@ -2,6 +2,8 @@
 
 pub mod space;
 
+pub mod numerics;
+
 pub mod samples;
 
 pub mod pipeline;

@@ -107,7 +107,8 @@ fn sentence(problem: &Problem) -> String {
     if let Some(location) = &problem.location {
         text.push_str(&format!(" (at {location})"));
     }
-    if let Some(hint) = &problem.hint {
+    // Parameters say in the detail already what is allowed.
+    if let Some(hint) = problem.hint.as_ref().filter(|hint| !problem.detail.contains(hint.as_str())) {
         text.push_str(&format!("; {hint}"));
     }
     text.push_str(&format!(" [{}]", problem.code));

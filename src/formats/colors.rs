@@ -16,7 +16,8 @@ const VIRIDIS: [[f64; 3]; 11] = [
 ];
 
 /// The colour at a share from 0 to 1, sRGB 0–1; outside it is that of the nearer end.
-pub(super) fn viridis_srgb(share: f64) -> [f64; 3] {
+#[must_use]
+pub fn viridis_srgb(share: f64) -> [f64; 3] {
     let at = share.clamp(0.0, 1.0) * 10.0;
     let Some(step) = (0..10_u8).rev().find(|step| f64::from(*step) <= at) else {
         // NaN: no colour of the map, so that it is seen.
@@ -28,7 +29,8 @@ pub(super) fn viridis_srgb(share: f64) -> [f64; 3] {
 }
 
 /// The same in the linear light that glTF vertex colours are in.
-pub(super) fn viridis_linear(share: f64) -> [f64; 3] {
+#[must_use]
+pub fn viridis_linear(share: f64) -> [f64; 3] {
     viridis_srgb(share).map(linear)
 }
 

@@ -8,6 +8,7 @@ use serde_json::{Map, Value, json};
 use super::colors::viridis_linear;
 use super::gltf_build::{Gltf, Material, Mesh, Mode};
 use super::mesh_parts::{crest_strip, outward_normals, quads};
+use super::rounded::round;
 use crate::pipeline::model::{Figure, Model, Structure};
 use crate::space::{WorldPoint, WorldVector};
 
@@ -118,7 +119,7 @@ impl<'a> Usable<'a> {
         for (name, points, outward, thickness_mm, range, material) in surfaces {
             let surface = Surface { name, points, outward: &outward, thickness_mm, range, material };
             if let Some(mesh) = self.surface_mesh(&surface) {
-                nodes.push(gltf.mesh_node(&mesh, json!({"kind": name, "color_range_mm": range})));
+                nodes.push(gltf.mesh_node(&mesh, json!({"kind": name, "color_range_mm": range.map(round)})));
             }
         }
         if let Some(mesh) = self.crest_mesh() {

@@ -25,7 +25,7 @@ pub mod glb;
 
 mod gltf_build;
 
-mod colors;
+pub mod colors;
 
 mod mesh_parts;
 

@@ -115,10 +115,13 @@ impl<R: Read> Stream<R> {
     /// At the end of a gzip member: whether another one follows. Zeros after the last one are
     /// padding (tapes and some archives leave them).
     fn next_member(&mut self) -> Result<bool, ReadError> {
-        let Inner::Gzip(decoder) = std::mem::replace(&mut self.inner, Inner::Gone) else {
-            return Ok(false);
+        let mut source = match std::mem::replace(&mut self.inner, Inner::Gone) {
+            Inner::Gzip(decoder) => decoder.into_inner(),
+            other => {
+                self.inner = other;
+                return Ok(false);
+            }
         };
-        let mut source = decoder.into_inner();
         loop {
             let rest = source.fill_buf().map_err(ReadError::Io)?;
             if rest.is_empty() {

@@ -1,5 +1,11 @@
 //! The pipeline of Ward and Hamarneh (Proc. SPIE 6512, 2007): a label map goes in, a medial
 //! representation comes out. This file holds the order of the stages and nothing else.
+//!
+//! ```text
+//! LabelVolume ── mask ── Solid ── depth ── Depth ── medial ── MedialSurface ── sheets ── Sheets
+//!   ── sides ── SheetSides ── isomap ── Flat ── frame, outline, lattice ── Lattice
+//!   ── spokes ── Nodes ── quality ── Figure, StructureQuality
+//! ```
 
 pub mod params;
 
@@ -9,8 +15,34 @@ pub mod refusal;
 
 pub mod model;
 
+pub mod mask;
+
+pub mod depth;
+
+pub mod medial;
+
+pub mod sheets;
+
+pub mod surface;
+
+pub mod sides;
+
+pub mod isomap;
+
+pub mod outline;
+
+pub mod frame;
+
+pub mod lattice;
+
+pub mod spokes;
+
+pub mod quality;
+
+mod structure;
+
 use crate::space::LabelVolume;
-use model::Model;
+use model::{Model, Structure};
 use observer::{Cancelled, Observer};
 use params::CheckedParams;
 use refusal::Refusal;
@@ -34,6 +66,38 @@ pub enum PipelineError {
 /// # Errors
 /// When cancelled, when a label asked for is missing, or when every structure is refused.
 pub fn run(volume: &LabelVolume, params: &CheckedParams, observer: &dyn Observer) -> Result<Model, PipelineError> {
-    let _ = (volume, params, observer);
-    Err(Refusal::EmptyMask.into())
+    let indices = label_indices(volume, params)?;
+    let boxes = mask::label_boxes(volume);
+    let mut structures: Vec<Structure> = Vec::with_capacity(indices.len());
+    for (number, &index) in indices.iter().enumerate() {
+        let bounds = boxes[usize::from(index)].ok_or(Refusal::EmptyMask)?;
+        let work = structure::Work { volume, index, bounds, params, observer, number, count: indices.len() };
+        structures.push(work.run()?);
+    }
+    match structures.iter().find_map(|s| s.refusal.clone()) {
+        Some(refusal) if structures.iter().all(|s| s.refusal.is_some()) => Err(refusal.into()),
+        _ => Ok(Model {
+            params: params.clone(),
+            world_from_voxel: volume.world_from_voxel,
+            dims: volume.indices.dims(),
+            structures,
+        }),
+    }
+}
+
+/// The volume's index of every label asked for.
+fn label_indices(volume: &LabelVolume, params: &CheckedParams) -> Result<Vec<u16>, Refusal> {
+    /// Labels named in a refusal.
+    const NAMED: usize = 20;
+    let present = &volume.label_values[1..];
+    let index_of = |label: i64| {
+        let position = volume.label_values.iter().skip(1).position(|&v| v == label)?;
+        u16::try_from(position + 1).ok()
+    };
+    if present.is_empty() {
+        return Err(Refusal::EmptyMask);
+    }
+    let wanted = params.labels.as_deref().unwrap_or(present);
+    let missing = |label: i64| Refusal::LabelMissing { label, present: present.iter().copied().take(NAMED).collect() };
+    wanted.iter().map(|&label| index_of(label).ok_or_else(|| missing(label))).collect()
 }

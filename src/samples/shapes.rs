@@ -127,7 +127,7 @@ fn leaf() -> Patch {
             let sag = outward * (-0.012 * across * across * tilt_cos);
             Point3::from(axis + ruling * across + sag)
         },
-        |s, t| (1.9 + 3.6 * (-(s - 0.18).powi(2) / 0.07).exp()) * (1.0 - 0.35 * centred(t).powi(2)),
+        |s, t| (2.5 + 3.2 * (-(s - 0.18).powi(2) / 0.07).exp()) * (1.0 - 0.35 * centred(t).powi(2)),
     )
 }
 

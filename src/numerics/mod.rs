@@ -1,0 +1,20 @@
+//! Algorithms that know no anatomy: fields on grids, digital topology, graphs, fits.
+//! Lengths are in voxels of an isotropic grid unless a name says otherwise.
+
+pub mod field;
+
+pub mod smooth;
+
+pub mod distance;
+
+pub mod components;
+
+pub mod topology;
+
+pub mod graph;
+
+pub mod eigen;
+
+pub mod fit;
+
+pub mod surface_nets;

@@ -1,0 +1,133 @@
+//! Isosurface by naive surface nets (Gibson, *Constrained elastic surface nets*, MICCAI 1998):
+//! a vertex in every cell that the surface crosses, a quad across every crossed grid edge.
+
+use nalgebra::{Point3, Vector3};
+
+use crate::space::Grid;
+
+use super::field::Field;
+
+/// A closed mesh in voxel coordinates; triangles are counter-clockwise seen from where the field
+/// is not positive.
+#[derive(Clone, Debug, Default)]
+pub struct Mesh {
+    /// Corners.
+    pub positions: Vec<Point3<f64>>,
+    /// Corner indices.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// The surface where the field passes through 0. The field must not be positive on the edge of
+/// the grid, else the mesh is open there.
+#[must_use]
+pub fn zero_surface(field: &Field) -> Mesh {
+    let dims = field.0.dims();
+    let mut mesh = Mesh::default();
+    if dims.iter().any(|&d| d < 2) {
+        return mesh;
+    }
+    let mut vertex = Grid::filled(dims, u32::MAX);
+    for k in 0..dims[2] - 1 {
+        for j in 0..dims[1] - 1 {
+            for i in 0..dims[0] - 1 {
+                if let Some(p) = cell_vertex(&field.0, [i, j, k]) {
+                    vertex[[i, j, k]] = super::field::id(mesh.positions.len());
+                    mesh.positions.push(on_surface(field, p));
+                }
+            }
+        }
+    }
+    for k in 1..dims[2] - 1 {
+        for j in 1..dims[1] - 1 {
+            for i in 1..dims[0] - 1 {
+                for axis in 0..3 {
+                    quad(&field.0, &vertex, [i, j, k], axis, &mut mesh.triangles);
+                }
+            }
+        }
+    }
+    mesh
+}
+
+/// Mean of the crossings on the twelve edges of a cell.
+fn cell_vertex(field: &Grid<f32>, cell: [usize; 3]) -> Option<Point3<f64>> {
+    let corner =
+        |bits: usize| f64::from(field[[cell[0] + (bits & 1), cell[1] + (bits >> 1 & 1), cell[2] + (bits >> 2 & 1)]]);
+    let values: [f64; 8] = std::array::from_fn(corner);
+    let inside = values.iter().filter(|v| **v > 0.0).count();
+    if inside == 0 || inside == 8 {
+        return None;
+    }
+    let (mut sum, mut count) = (Vector3::zeros(), 0.0);
+    for axis in 0..3 {
+        for a in (0..8).filter(|a| a >> axis & 1 == 0) {
+            let b = a | 1 << axis;
+            let (fa, fb) = (values[a], values[b]);
+            if (fa > 0.0) != (fb > 0.0) {
+                let mut at = Vector3::new((a & 1) as f64, (a >> 1 & 1) as f64, (a >> 2 & 1) as f64);
+                at[axis] = fa / (fa - fb);
+                sum += at;
+                count += 1.0;
+            }
+        }
+    }
+    Some(Point3::from(Vector3::new(cell[0] as f64, cell[1] as f64, cell[2] as f64) + sum / count))
+}
+
+/// One Newton step onto the surface: the mean of crossings lies inside of a convex one.
+fn on_surface(field: &Field, p: Point3<f64>) -> Point3<f64> {
+    let gradient = field.gradient(p);
+    let step = -gradient * (field.at(p) / gradient.norm_squared().max(1e-12));
+    if step.norm() < 0.5 { p + step } else { p }
+}
+
+/// The quad across the edge from `at` one step along `axis`.
+fn quad(field: &Grid<f32>, vertex: &Grid<u32>, at: [usize; 3], axis: usize, triangles: &mut Vec<[u32; 3]>) {
+    let mut next = at;
+    next[axis] += 1;
+    let (inside, inside_next) = (field[at] > 0.0, field[next] > 0.0);
+    if inside == inside_next {
+        return;
+    }
+    let (p, q) = ((axis + 1) % 3, (axis + 2) % 3);
+    let corner = |dp: usize, dq: usize| {
+        let mut cell = at;
+        cell[p] -= dp;
+        cell[q] -= dq;
+        vertex[cell]
+    };
+    let mut around = [corner(1, 1), corner(0, 1), corner(0, 0), corner(1, 0)];
+    if !inside {
+        around.reverse();
+    }
+    triangles.push([around[0], around[1], around[2]]);
+    triangles.push([around[0], around[2], around[3]]);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ball_gets_a_closed_outward_mesh_of_its_volume() {
+        let radius = 7.3f32;
+        let mut field = Grid::filled([21, 21, 21], 0.0f32);
+        for o in 0..field.as_slice().len() {
+            let [i, j, k] = field.index(o).map(|x| x as f32 - 10.0);
+            field.as_mut_slice()[o] = radius - (i * i + j * j + k * k).sqrt();
+        }
+        let mesh = zero_surface(&Field(field));
+        let mut edges = std::collections::BTreeMap::new();
+        let mut volume = 0.0;
+        for t in &mesh.triangles {
+            let p = t.map(|v| mesh.positions[v as usize].coords - Vector3::new(10.0, 10.0, 10.0));
+            volume += p[0].dot(&p[1].cross(&p[2])) / 6.0;
+            for e in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+                *edges.entry(e).or_insert(0) += 1;
+            }
+        }
+        assert!(edges.iter().all(|((a, b), n)| edges.get(&(*b, *a)) == Some(n)), "closed");
+        let ball = 4.0 / 3.0 * std::f64::consts::PI * f64::from(radius).powi(3);
+        assert!((volume / ball - 1.0).abs() < 0.01, "volume {volume} of {ball}");
+    }
+}

@@ -1,0 +1,183 @@
+//! Digital topology of the 26-neighbourhood, (26, 6) connectivity: simple points (Malandain,
+//! Bertrand, *Fast characterization of 3D simple points*, ICPR 1992) and surface end points
+//! (Pudney, *Distance-ordered homotopic thinning*, CVIU 72, 1998).
+//!
+//! A neighbourhood is 27 bits: bit `(dx+1) + 3(dy+1) + 9(dz+1)`, bit 13 the centre.
+
+/// The centre's bit number.
+pub const CENTRE: u32 = 13;
+
+const TABLES: Tables = Tables::new();
+
+/// Neighbourhood of the voxel at `offset` of a grid with row stride `nx` and plane stride `nxy`;
+/// the voxel must not lie on the grid's edge.
+#[must_use]
+pub fn neighborhood(inside: &[bool], offset: usize, nx: usize, nxy: usize) -> u32 {
+    let mut bits = 0;
+    let mut bit = 0;
+    for z in [offset - nxy, offset, offset + nxy] {
+        for y in [z - nx, z, z + nx] {
+            for x in [y - 1, y, y + 1] {
+                bits |= u32::from(inside[x]) << bit;
+                bit += 1;
+            }
+        }
+    }
+    bits
+}
+
+/// Whether taking the centre away changes no topology: one 26-component of foreground around
+/// it, and one 6-component of background in the 18-neighbourhood that touches it by a face.
+#[must_use]
+pub fn is_simple(bits: u32) -> bool {
+    let foreground = bits & !(1 << CENTRE);
+    if foreground == 0 {
+        return false;
+    }
+    let background = !bits & TABLES.near18;
+    let faces = background & TABLES.faces;
+    if faces == 0 {
+        return false;
+    }
+    flood(background, lowest(faces), &TABLES.touch6) & faces == faces
+        && flood(foreground, lowest(foreground), &TABLES.touch26) == foreground
+}
+
+/// Whether the centre is the end of a surface: in one of the nine digital planes through it,
+/// it has at most one neighbour.
+#[must_use]
+pub fn is_surface_end(bits: u32) -> bool {
+    TABLES.planes.iter().any(|plane| (bits & plane).count_ones() < 2)
+}
+
+fn lowest(bits: u32) -> u32 {
+    bits & bits.wrapping_neg()
+}
+
+/// Grows `seed` inside `allowed` along `touch`.
+fn flood(allowed: u32, seed: u32, touch: &[u32; 27]) -> u32 {
+    let mut grown = seed;
+    let mut front = seed;
+    while front != 0 {
+        let mut reach = 0;
+        while front != 0 {
+            reach |= touch[front.trailing_zeros() as usize];
+            front &= front - 1;
+        }
+        front = reach & allowed & !grown;
+        grown |= front;
+    }
+    grown
+}
+
+struct Tables {
+    touch6: [u32; 27],
+    touch26: [u32; 27],
+    near18: u32,
+    faces: u32,
+    planes: [u32; 9],
+}
+
+impl Tables {
+    const fn new() -> Self {
+        let mut touch6 = [0; 27];
+        let mut touch26 = [0; 27];
+        let (mut near18, mut faces) = (0u32, 0u32);
+        let mut a = 0;
+        while a < 27 {
+            let reach = norm1(place(a));
+            if reach == 1 {
+                faces |= 1 << a;
+            }
+            if reach == 1 || reach == 2 {
+                near18 |= 1 << a;
+            }
+            let mut b = 0;
+            while b < 27 {
+                let d = minus(place(a), place(b));
+                if norm1(d) == 1 {
+                    touch6[a] |= 1 << b;
+                }
+                if a != b && norm_max(d) == 1 {
+                    touch26[a] |= 1 << b;
+                }
+                b += 1;
+            }
+            a += 1;
+        }
+        Self { touch6, touch26, near18, faces, planes: planes() }
+    }
+}
+
+/// The nine planes through the centre: three axial, six diagonal; without the centre.
+const fn planes() -> [u32; 9] {
+    const NORMALS: [[i32; 3]; 9] =
+        [[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, -1, 0], [1, 0, 1], [1, 0, -1], [0, 1, 1], [0, 1, -1]];
+    let mut planes = [0u32; 9];
+    let mut p = 0;
+    while p < 9 {
+        let mut b = 0;
+        while b < 27 {
+            let c = place(b);
+            let n = NORMALS[p];
+            if b != 13 && c[0] * n[0] + c[1] * n[1] + c[2] * n[2] == 0 {
+                planes[p] |= 1 << b;
+            }
+            b += 1;
+        }
+        p += 1;
+    }
+    planes
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "bit numbers are below 27")]
+const fn place(bit: usize) -> [i32; 3] {
+    [(bit % 3) as i32 - 1, (bit / 3 % 3) as i32 - 1, (bit / 9) as i32 - 1]
+}
+
+const fn minus(a: [i32; 3], b: [i32; 3]) -> [i32; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+const fn norm1(d: [i32; 3]) -> i32 {
+    d[0].abs() + d[1].abs() + d[2].abs()
+}
+
+const fn norm_max(d: [i32; 3]) -> i32 {
+    let mut m = d[0].abs();
+    if d[1].abs() > m {
+        m = d[1].abs();
+    }
+    if d[2].abs() > m {
+        m = d[2].abs();
+    }
+    m
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bits(cells: &[[i32; 3]]) -> u32 {
+        cells.iter().fold(1 << CENTRE, |b, c| b | 1 << ((c[0] + 1) + 3 * (c[1] + 1) + 9 * (c[2] + 1)))
+    }
+
+    #[test]
+    fn simple_points_are_those_that_change_no_topology() {
+        assert!(!is_simple(bits(&[])), "an isolated voxel is a component");
+        assert!(is_simple(bits(&[[1, 0, 0]])), "the tip of a line is simple");
+        assert!(!is_simple(bits(&[[1, 0, 0], [-1, 0, 0]])), "the middle of a line joins");
+        assert!(is_simple(bits(&[[1, 0, 0], [1, 1, 0]])));
+        assert!(!is_simple((1 << 27) - 1), "an inner voxel would leave a cavity");
+        let plane: Vec<_> =
+            (-1..=1).flat_map(|x| (-1..=1).map(move |y| [x, y, 0])).filter(|c| *c != [0, 0, 0]).collect();
+        assert!(!is_simple(bits(&plane)), "the middle of a sheet would leave a hole");
+    }
+
+    #[test]
+    fn the_rim_of_a_sheet_is_its_end_and_its_middle_is_not() {
+        let half: Vec<_> = (-1..=1).flat_map(|x| (0..=1).map(move |y| [x, y, 0])).filter(|c| *c != [0, 0, 0]).collect();
+        assert!(is_surface_end(bits(&half)));
+        assert!(!is_surface_end((1 << 27) - 1));
+    }
+}

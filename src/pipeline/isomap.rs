@@ -1,0 +1,305 @@
+//! Stage 5: ISOMAP (Tenenbaum, de Silva, Langford, Science 290, 2000): a surface is laid flat so
+//! that distances in the plane are geodesic distances on it (section 2.4 of the paper).
+//!
+//! Geodesics from all points (exact) or from farthest-point landmarks (de Silva, Tenenbaum,
+//! *Sparse multidimensional scaling using landmark points*, 2004) on a neighbourhood graph whose
+//! edges stay on the surface: both ends are joined by touching points inside the edge's own ball.
+
+use nalgebra::{DMatrix, Point2, Vector2};
+
+use crate::numerics::eigen::leading_two;
+use crate::numerics::field::{floor_index, id};
+use crate::numerics::graph::Graph;
+
+use super::observer::{Cancelled, Observer};
+use super::params::{Landmarks, Neighbors};
+use super::surface::Surface;
+
+/// Radius of the automatic neighbourhood, voxels. Shortest paths on a ball of 3 are 2 % too long,
+/// of 4 less than 1 %; larger balls cut corners of folds.
+const AUTO_RADIUS: f64 = 4.0;
+/// Landmarks of the automatic choice: twice as many change an embedding by less than 0.2 % of
+/// its extent.
+const AUTO_LANDMARKS: usize = 48;
+/// Steps from voxel to voxel, per voxel of distance, within which an edge's ends must be joined.
+/// A straight diagonal needs 1; the staircase of a surface up to 1.5.
+const STEPS_PER_VOXEL: f64 = 1.5;
+/// Points that exact ISOMAP takes at most: its matrix takes 8 bytes a pair.
+pub const EXACT_LIMIT: usize = 10_000;
+
+/// A flattened surface.
+#[derive(Clone, Debug, Default)]
+pub struct Flat {
+    /// Plane coordinates of every point, voxels, centred at 0.
+    pub points: Vec<Point2<f64>>,
+    /// 1 − R² between graph and plane distances, over all pairs with a landmark.
+    pub residual_variance: f64,
+    /// Neighbours per point, the mean.
+    pub neighbors: f64,
+    /// Landmarks used.
+    pub landmarks: usize,
+    /// Pieces that the neighbourhood graph fell into before touching points joined them.
+    pub pieces: usize,
+}
+
+/// Why a surface could not be laid flat.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum IsomapError {
+    /// Stopped.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+    /// Fewer points than coordinates can be told apart by.
+    #[error("only {points} points")]
+    TooFewPoints {
+        /// Points given.
+        points: usize,
+    },
+    /// Exact ISOMAP on more points than fit in memory.
+    #[error("exact ISOMAP of {points} points; at most {limit}")]
+    TooManyForExact {
+        /// Points given.
+        points: usize,
+        /// Points allowed.
+        limit: usize,
+    },
+    /// The eigenproblem has no two positive values: the points lie on a line.
+    #[error("the points span no plane")]
+    NoPlane,
+}
+
+/// Lays a connected surface flat. `voxel_mm` turns an ε in mm into voxels.
+///
+/// # Errors
+/// See [`IsomapError`].
+pub fn flatten(
+    surface: &Surface,
+    neighbors: Neighbors,
+    landmarks: Landmarks,
+    voxel_mm: f64,
+    observer: &dyn Observer,
+) -> Result<Flat, IsomapError> {
+    let count = surface.positions.len();
+    if count < 8 {
+        return Err(IsomapError::TooFewPoints { points: count });
+    }
+    if landmarks == Landmarks::All && count > EXACT_LIMIT {
+        return Err(IsomapError::TooManyForExact { points: count, limit: EXACT_LIMIT });
+    }
+    let (graph, pieces) = neighborhood_graph(surface, neighbors, voxel_mm);
+    let geodesics = match landmarks {
+        Landmarks::All => Geodesics::all(&graph, observer)?,
+        Landmarks::Auto => Geodesics::farthest(&graph, AUTO_LANDMARKS, observer)?,
+        Landmarks::Count(n) => Geodesics::farthest(&graph, n, observer)?,
+    };
+    let points = geodesics.embed().ok_or(IsomapError::NoPlane)?;
+    Ok(Flat {
+        residual_variance: geodesics.residual_variance(&points),
+        points,
+        neighbors: graph.mean_degree(),
+        landmarks: geodesics.sources.len(),
+        pieces,
+    })
+}
+
+/// The neighbourhood graph, and how many pieces it was in before touching points joined them.
+fn neighborhood_graph(surface: &Surface, neighbors: Neighbors, voxel_mm: f64) -> (Graph, usize) {
+    let count = surface.positions.len();
+    let mut around = Around::new(count);
+    let mut lists: Vec<Vec<(u32, f32)>> = vec![Vec::new(); count];
+    for a in 0..count {
+        let found = match neighbors {
+            Neighbors::Auto => around.within(surface, a, AUTO_RADIUS),
+            Neighbors::RadiusMm(radius) => around.within(surface, a, radius / voxel_mm),
+            Neighbors::Count(k) => around.nearest(surface, a, k),
+        };
+        for (b, length) in found {
+            lists[a].push((b, length));
+            lists[b as usize].push((id(a), length));
+        }
+    }
+    tidy(&mut lists);
+    let graph = Graph::from_lists(&lists);
+    let (piece, sizes) = graph.components();
+    if sizes.len() == 1 {
+        return (graph, 1);
+    }
+    for (a, list) in surface.adjacency.iter().enumerate() {
+        for &b in list.iter().filter(|b| piece[a] != piece[**b as usize]) {
+            lists[a].push((b, length_between(surface, a, b as usize)));
+        }
+    }
+    tidy(&mut lists);
+    (Graph::from_lists(&lists), sizes.len())
+}
+
+fn tidy(lists: &mut [Vec<(u32, f32)>]) {
+    for list in lists {
+        list.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        list.dedup_by_key(|e| e.0);
+    }
+}
+
+/// Edges are never of length 0: two points in one place would be one.
+fn length_between(surface: &Surface, a: usize, b: usize) -> f32 {
+    #[expect(clippy::cast_possible_truncation, reason = "edges are a few voxels long; f32 halves the graph")]
+    let length = (surface.positions[a] - surface.positions[b]).norm().max(1e-3) as f32;
+    length
+}
+
+/// Search for points around a point, along the surface.
+struct Around {
+    seen: Vec<u32>,
+    round: u32,
+    queue: Vec<u32>,
+}
+
+impl Around {
+    fn new(count: usize) -> Self {
+        Self { seen: vec![0; count], round: 0, queue: Vec::new() }
+    }
+
+    /// Points within `radius` of `a` that touching points inside that ball join to it in few steps.
+    fn within(&mut self, surface: &Surface, a: usize, radius: f64) -> Vec<(u32, f32)> {
+        self.round += 1;
+        self.queue.clear();
+        self.queue.push(id(a));
+        self.seen[a] = self.round;
+        let mut found = Vec::new();
+        let mut layer = 0..1;
+        for _ in 0..floor_index((radius * STEPS_PER_VOXEL).ceil()) {
+            for q in layer.clone() {
+                for &b in &surface.adjacency[self.queue[q] as usize] {
+                    if self.seen[b as usize] == self.round {
+                        continue;
+                    }
+                    self.seen[b as usize] = self.round;
+                    let length = length_between(surface, a, b as usize);
+                    if f64::from(length) <= radius {
+                        self.queue.push(b);
+                        found.push((b, length));
+                    }
+                }
+            }
+            layer = layer.end..self.queue.len();
+            if layer.is_empty() {
+                break;
+            }
+        }
+        found
+    }
+
+    /// The `k` nearest of the points around `a` along the surface.
+    fn nearest(&mut self, surface: &Surface, a: usize, k: usize) -> Vec<(u32, f32)> {
+        /// A plane sheet of one point a voxel has k points in this many radii.
+        const PER_ROOT: f64 = 0.75;
+        let mut radius = (k as f64).sqrt() * PER_ROOT + 1.0;
+        let mut found = self.within(surface, a, radius);
+        while found.len() < k && found.len() + 1 < surface.positions.len() {
+            let before = found.len();
+            radius *= 1.5;
+            found = self.within(surface, a, radius);
+            if found.len() == before {
+                break;
+            }
+        }
+        found.sort_by(|x, y| x.1.total_cmp(&y.1).then(x.0.cmp(&y.0)));
+        found.truncate(k);
+        found
+    }
+}
+
+/// Geodesic distances from some sources to all points.
+struct Geodesics {
+    sources: Vec<usize>,
+    distances: Vec<Vec<f32>>,
+}
+
+impl Geodesics {
+    fn all(graph: &Graph, observer: &dyn Observer) -> Result<Self, Cancelled> {
+        let sources: Vec<usize> = (0..graph.len()).collect();
+        let mut distances = Vec::with_capacity(sources.len());
+        for &s in &sources {
+            observer.check()?;
+            distances.push(graph.geodesics(s));
+        }
+        Ok(Self { sources, distances })
+    }
+
+    /// Landmarks each as far as can be from those before, the first at a rim.
+    fn farthest(graph: &Graph, count: usize, observer: &dyn Observer) -> Result<Self, Cancelled> {
+        let mut next = farthest_of(&graph.geodesics(0));
+        let mut nearest = vec![f32::INFINITY; graph.len()];
+        let (mut sources, mut distances) = (Vec::new(), Vec::new());
+        while sources.len() < count.min(graph.len()) {
+            observer.check()?;
+            let row = graph.geodesics(next);
+            nearest.iter_mut().zip(&row).for_each(|(n, r)| *n = n.min(*r));
+            sources.push(next);
+            distances.push(row);
+            next = farthest_of(&nearest);
+        }
+        Ok(Self { sources, distances })
+    }
+
+    /// Classical scaling of the sources, then every point by its distances to them.
+    fn embed(&self) -> Option<Vec<Point2<f64>>> {
+        let count = self.sources.len();
+        let squared = |row: usize, p: usize| f64::from(self.distances[row][p]).powi(2);
+        let mut gram =
+            DMatrix::from_fn(count, count, |r, c| (squared(r, self.sources[c]) + squared(c, self.sources[r])) / 2.0);
+        let means: Vec<f64> = (0..count).map(|r| gram.row(r).mean()).collect();
+        let mean = means.iter().sum::<f64>() / count as f64;
+        for r in 0..count {
+            for c in 0..count {
+                gram[(r, c)] = -0.5 * (gram[(r, c)] - means[r] - means[c] + mean);
+            }
+        }
+        let leading = leading_two(gram)?;
+        if leading.values[1] <= 1e-9 * leading.values[0].abs() || leading.values[0] <= 0.0 {
+            return None;
+        }
+        let rows = [0, 1].map(|k| leading.vectors[k].scale(1.0 / leading.values[k].sqrt()));
+        let mut points: Vec<Point2<f64>> = (0..self.distances[0].len())
+            .map(|p| {
+                let mut at = Vector2::zeros();
+                for s in 0..count {
+                    let pull = -0.5 * (squared(s, p) - means[s]);
+                    at += Vector2::new(rows[0][s], rows[1][s]) * pull;
+                }
+                Point2::from(at)
+            })
+            .collect();
+        let centre = points.iter().map(|p| p.coords).sum::<Vector2<f64>>() / points.len() as f64;
+        points.iter_mut().for_each(|p| *p -= centre);
+        Some(points)
+    }
+
+    fn residual_variance(&self, points: &[Point2<f64>]) -> f64 {
+        let (mut n, mut sg, mut sp, mut sgg, mut spp, mut sgp) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+        for (row, &s) in self.distances.iter().zip(&self.sources) {
+            for (g, p) in row.iter().zip(points) {
+                let (g, p) = (f64::from(*g), (p - points[s]).norm());
+                n += 1.0;
+                sg += g;
+                sp += p;
+                sgg += g * g;
+                spp += p * p;
+                sgp += g * p;
+            }
+        }
+        let covariance = sgp - sg * sp / n;
+        let spread = (sgg - sg * sg / n) * (spp - sp * sp / n);
+        if spread > 0.0 { (1.0 - covariance * covariance / spread).max(0.0) } else { 1.0 }
+    }
+}
+
+/// The farthest point that can be reached, the first of equals.
+fn farthest_of(distances: &[f32]) -> usize {
+    let mut best = 0;
+    for (k, d) in distances.iter().enumerate() {
+        if d.is_finite() && *d > distances[best] {
+            best = k;
+        }
+    }
+    best
+}

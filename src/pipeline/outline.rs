@@ -1,0 +1,319 @@
+//! The region that a flattened surface covers: its principal axes and its outline as four sides.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Matrix2, Point2, Point3, SymmetricEigen, Vector2};
+
+use crate::numerics::components::{Connectivity, components};
+use crate::numerics::distance::nearest_seed;
+use crate::numerics::field::{Field, floor_index};
+use crate::numerics::smooth::gaussian;
+use crate::space::Grid;
+
+/// Pixel of the region's raster, voxels.
+const PITCH: f64 = 0.5;
+/// Gaps between points up to twice this are part of the sheet, voxels. Neighbours on a staircase
+/// lie up to 1.8 apart.
+const CLOSING: f64 = 1.5;
+/// Standard deviation of the outline's smoothing, voxels: the rim of a voxel sheet is jagged by
+/// half a voxel.
+const OUTLINE_SIGMA: f64 = 1.0;
+/// Free pixels around the points.
+const PADDING: usize = 12;
+
+/// The region covered by points of the plane. Lengths are voxels.
+#[derive(Clone, Debug)]
+pub struct Region {
+    origin: Point2<f64>,
+    /// Positive inside, 0 on the smoothed outline.
+    level: Field,
+    /// Distance to the nearest point, pixels.
+    gap: Field,
+    /// Area of holes that were filled, as a share of the region.
+    pub hole_share: f64,
+}
+
+/// The outline of a region as four sides between its corners, each parametrised by its length.
+#[derive(Clone, Debug)]
+pub struct FourSides {
+    bottom: Arc,
+    right: Arc,
+    top: Arc,
+    left: Arc,
+}
+
+impl Region {
+    /// The region of `points`: their closing, with holes filled and a smooth outline.
+    #[must_use]
+    pub fn of(points: &[Point2<f64>]) -> Self {
+        let low = points.iter().fold(Vector2::repeat(f64::INFINITY), |a, p| a.inf(&p.coords));
+        let high = points.iter().fold(Vector2::repeat(f64::NEG_INFINITY), |a, p| a.sup(&p.coords));
+        let origin = Point2::from(low - Vector2::repeat(PADDING as f64 * PITCH));
+        let pixels = |axis: usize| floor_index(((high - low)[axis] / PITCH).ceil()) + 1 + 2 * PADDING;
+        let dims = [pixels(0), pixels(1), 1];
+        let mut has_point = vec![false; dims[0] * dims[1]];
+        for p in points {
+            let at = (p - origin) / PITCH;
+            has_point[floor_index(at.x + 0.5) + dims[0] * floor_index(at.y + 0.5)] = true;
+        }
+        let reach = CLOSING / PITCH;
+        let mut near = nearest_seed(dims, [1.0; 3], |o| has_point[o]).squared;
+        let is_far = |o: usize| f64::from(near.as_slice()[o]) > reach * reach;
+        let rim = nearest_seed(dims, [1.0; 3], is_far).squared;
+        let inside: Vec<bool> = rim.as_slice().iter().map(|d| f64::from(*d) > reach * reach).collect();
+        let (inside, hole_share) = fill_holes(dims, inside);
+        let soft = inside.iter().map(|m| f32::from(u8::from(*m))).collect();
+        let mut level = Grid::from_vec(dims, soft).expect("one value per pixel");
+        gaussian(&mut level, [OUTLINE_SIGMA / PITCH, OUTLINE_SIGMA / PITCH, 0.0]);
+        level.as_mut_slice().iter_mut().for_each(|v| *v -= 0.5);
+        near.as_mut_slice().iter_mut().for_each(|d| *d = d.sqrt());
+        Self { origin, level: Field(level), gap: Field(near), hole_share }
+    }
+
+    /// Whether a point lies on the sheet: inside the outline, or as near to a point of the sheet as
+    /// gaps in it may be wide.
+    #[must_use]
+    pub fn contains(&self, p: Point2<f64>) -> bool {
+        let at = (p - self.origin) / PITCH;
+        let dims = self.level.0.dims();
+        let fits = at.iter().zip(dims).all(|(x, n)| *x >= 0.0 && *x <= (n - 1) as f64);
+        let at = Point3::new(at.x, at.y, 0.0);
+        fits && (self.level.at(at) >= 0.0 || self.gap.at(at) <= CLOSING / PITCH)
+    }
+
+    /// Unit directions of the longest and the shortest extent, from the second moments of the
+    /// area (not of the points, whose density depends on the grid), and the root moments.
+    #[must_use]
+    pub fn principal_axes(&self) -> ([Vector2<f64>; 2], [f64; 2]) {
+        let (count, mean, second) = self.moments();
+        let covariance = second / count - mean * mean.transpose();
+        let eigen = SymmetricEigen::new(covariance);
+        let (first, other) = if eigen.eigenvalues[0] >= eigen.eigenvalues[1] { (0, 1) } else { (1, 0) };
+        let axis = |k: usize| eigen.eigenvectors.column(k).into_owned();
+        let extent = |k: usize| eigen.eigenvalues[k].max(0.0).sqrt();
+        ([axis(first), axis(other)], [extent(first), extent(other)])
+    }
+
+    /// The outline with a corner in each quadrant. `None` for an empty region.
+    ///
+    /// Corners lie on the diagonals of the rectangle that has the region's second moments: those of
+    /// a rectangle are its corners, an ellipse has them where both axes have the same share. Unlike
+    /// the places of largest curvature they do not jump when the outline changes a little.
+    #[must_use]
+    pub fn four_sides(&self) -> Option<FourSides> {
+        let outline = self.outline();
+        if outline.len() < 8 {
+            return None;
+        }
+        let (centre, half) = self.moment_box();
+        let at = |x: f64, y: f64| corner(&outline, centre, half.component_mul(&Vector2::new(x, y)), half);
+        let corners = [at(-1.0, -1.0), at(1.0, -1.0), at(1.0, 1.0), at(-1.0, 1.0)];
+        let side = |k: usize| Arc::between(&outline, corners[k], corners[(k + 1) % 4]);
+        Some(FourSides { bottom: side(0), right: side(1), top: side(2).reversed(), left: side(3).reversed() })
+    }
+
+    /// Smallest and largest coordinates of the outline; `None` for an empty region.
+    #[must_use]
+    pub fn bounds(&self) -> Option<[Point2<f64>; 2]> {
+        let outline = self.outline();
+        let first = outline.first()?;
+        let low = outline.iter().fold(first.coords, |a, p| a.inf(&p.coords));
+        let high = outline.iter().fold(first.coords, |a, p| a.sup(&p.coords));
+        Some([low.into(), high.into()])
+    }
+
+    /// Centre of the area, and half the sides of the axis-aligned rectangle with its moments.
+    fn moment_box(&self) -> (Point2<f64>, Vector2<f64>) {
+        let (count, mean, second) = self.moments();
+        let variance = second.diagonal() / count - mean.component_mul(&mean);
+        (self.origin + mean, variance.map(|v| (3.0 * v.max(PITCH * PITCH)).sqrt()))
+    }
+
+    /// Number of inside pixels (at least 1), mean of their positions from the origin, and sum of
+    /// the positions' products.
+    fn moments(&self) -> (f64, Vector2<f64>, Matrix2<f64>) {
+        let grid = &self.level.0;
+        let (mut count, mut sum, mut second) = (0.0f64, Vector2::zeros(), Matrix2::zeros());
+        for o in (0..grid.as_slice().len()).filter(|&o| grid.as_slice()[o] > 0.0) {
+            let [i, j, _] = grid.index(o);
+            let at = Vector2::new(i as f64, j as f64) * PITCH;
+            count += 1.0;
+            sum += at;
+            second += at * at.transpose();
+        }
+        let count = count.max(1.0);
+        (count, sum / count, second)
+    }
+
+    /// The longest closed curve where the level is 0, counter-clockwise (marching squares).
+    fn outline(&self) -> Vec<Point2<f64>> {
+        let next = self.crossings();
+        let mut unused: std::collections::BTreeSet<usize> = next.keys().copied().collect();
+        let mut best: Vec<usize> = Vec::new();
+        while let Some(start) = unused.pop_first() {
+            let mut curve = vec![start];
+            let mut edge = next[&start];
+            while edge != start && unused.remove(&edge) {
+                curve.push(edge);
+                edge = next[&edge];
+            }
+            if curve.len() > best.len() {
+                best = curve;
+            }
+        }
+        best.into_iter().map(|edge| self.crossing(edge)).collect()
+    }
+
+    /// For every pixel edge that the outline crosses, the edge it crosses next, inside to the left.
+    /// Edges are numbered 2 · pixel for those along i, 2 · pixel + 1 along j.
+    fn crossings(&self) -> BTreeMap<usize, usize> {
+        let [nx, ny, _] = self.level.0.dims();
+        let values = self.level.0.as_slice();
+        let mut next = BTreeMap::new();
+        for j in 0..ny - 1 {
+            for i in 0..nx - 1 {
+                let o = i + nx * j;
+                let corners = [o, o + 1, o + nx + 1, o + nx];
+                let edges = [2 * o, 2 * (o + 1) + 1, 2 * (o + nx), 2 * o + 1];
+                let inside = corners.map(|c| values[c] > 0.0);
+                // Going round the cell, the outline leaves it where inside ends and comes in
+                // where it begins.
+                let begins: Vec<usize> = (0..4).filter(|&k| !inside[k] && inside[(k + 1) % 4]).collect();
+                let ends: Vec<usize> = (0..4).filter(|&k| inside[k] && !inside[(k + 1) % 4]).collect();
+                let is_joined = corners.iter().map(|&c| values[c]).sum::<f32>() > 0.0;
+                for &end in &ends {
+                    // With two of each, the middle tells which belong together.
+                    let after = begins.iter().copied().min_by_key(|b| (b + 4 - end) % 4);
+                    let before = begins.iter().copied().min_by_key(|b| (end + 4 - b) % 4);
+                    let begin = if begins.len() == 1 {
+                        Some(begins[0])
+                    } else if is_joined {
+                        after
+                    } else {
+                        before
+                    };
+                    if let Some(begin) = begin {
+                        next.insert(edges[end], edges[begin]);
+                    }
+                }
+            }
+        }
+        next
+    }
+
+    /// Where the outline crosses a pixel edge.
+    fn crossing(&self, edge: usize) -> Point2<f64> {
+        let grid = &self.level.0;
+        let (o, along_j) = (edge / 2, edge % 2 == 1);
+        let [i, j, _] = grid.index(o);
+        let (a, b) =
+            (f64::from(grid.as_slice()[o]), f64::from(grid.as_slice()[o + if along_j { grid.dims()[0] } else { 1 }]));
+        let t = a / (a - b);
+        let at = Vector2::new(i as f64, j as f64) + if along_j { Vector2::new(0.0, t) } else { Vector2::new(t, 0.0) };
+        self.origin + at * PITCH
+    }
+}
+
+/// Where the ray from `centre` along `direction` last crosses the outline: the edge of the outline
+/// and the position on it. If it never does (a centre outside of a bent region), the farthest
+/// point in that direction.
+fn corner(outline: &[Point2<f64>], centre: Point2<f64>, direction: Vector2<f64>, half: Vector2<f64>) -> (usize, f64) {
+    let side = |p: &Point2<f64>| direction.perp(&(p - centre));
+    let ahead = |p: &Point2<f64>| direction.dot(&(p - centre));
+    let mut best = None::<(f64, usize, f64)>;
+    for (k, p) in outline.iter().enumerate() {
+        let q = &outline[(k + 1) % outline.len()];
+        let (a, b) = (side(p), side(q));
+        if (a > 0.0) == (b > 0.0) {
+            continue;
+        }
+        let t = a / (a - b);
+        let reach = ahead(p) + (ahead(q) - ahead(p)) * t;
+        if reach > 0.0 && best.is_none_or(|x| reach > x.0) {
+            best = Some((reach, k, t));
+        }
+    }
+    if let Some((_, k, t)) = best {
+        return (k, t);
+    }
+    let scaled = |p: &Point2<f64>| (p - centre).component_div(&half).dot(&direction.component_div(&half));
+    let farthest = (0..outline.len()).max_by(|&a, &b| scaled(&outline[a]).total_cmp(&scaled(&outline[b])));
+    (farthest.unwrap_or(0), 0.0)
+}
+
+/// A piece of the outline by its length.
+#[derive(Clone, Debug)]
+struct Arc {
+    points: Vec<Point2<f64>>,
+    reached: Vec<f64>,
+}
+
+impl Arc {
+    /// From one place on the outline on to another; a place is an edge and a share of it.
+    fn between(outline: &[Point2<f64>], from: (usize, f64), to: (usize, f64)) -> Self {
+        let count = outline.len();
+        let at = |(k, t): (usize, f64)| outline[k] + (outline[(k + 1) % count] - outline[k]) * t;
+        let mut points = vec![at(from)];
+        let mut k = from.0;
+        while k != to.0 && points.len() <= count {
+            k = (k + 1) % count;
+            points.push(outline[k]);
+        }
+        points.push(at(to));
+        Self::of(points)
+    }
+
+    fn of(points: Vec<Point2<f64>>) -> Self {
+        let mut reached = vec![0.0];
+        for pair in points.windows(2) {
+            reached.push(reached[reached.len() - 1] + (pair[1] - pair[0]).norm());
+        }
+        Self { points, reached }
+    }
+
+    fn reversed(mut self) -> Self {
+        self.points.reverse();
+        Self::of(self.points)
+    }
+
+    /// The point at a share of the length, 0 to 1.
+    fn at(&self, share: f64) -> Vector2<f64> {
+        let wanted = share.clamp(0.0, 1.0) * self.reached[self.reached.len() - 1];
+        let k = self.reached.partition_point(|r| *r < wanted).clamp(1, self.points.len() - 1);
+        let length = (self.reached[k] - self.reached[k - 1]).max(1e-12);
+        let t = (wanted - self.reached[k - 1]) / length;
+        self.points[k - 1].coords + (self.points[k] - self.points[k - 1]) * t
+    }
+}
+
+impl FourSides {
+    /// The point at shares (s along the first axis, t along the second) of the region: the Coons
+    /// patch of the four sides.
+    #[must_use]
+    pub fn at(&self, shares: Point2<f64>) -> Point2<f64> {
+        let (s, t) = (shares.x, shares.y);
+        let across = self.bottom.at(s) * (1.0 - t) + self.top.at(s) * t;
+        let along = self.left.at(t) * (1.0 - s) + self.right.at(t) * s;
+        let low = self.bottom.at(0.0) * (1.0 - s) + self.bottom.at(1.0) * s;
+        let high = self.top.at(0.0) * (1.0 - s) + self.top.at(1.0) * s;
+        Point2::from(across + along - (low * (1.0 - t) + high * t))
+    }
+}
+
+/// Keeps the largest piece of the pixels and fills its holes; returns their share too.
+fn fill_holes(dims: [usize; 3], inside: Vec<bool>) -> (Vec<bool>, f64) {
+    let pieces = components(dims, Connectivity::Corners26, |o| inside[o]);
+    let largest = pieces.largest();
+    let mut kept: Vec<bool> = pieces.labels.as_slice().iter().map(|l| *l != 0 && Some(*l) == largest).collect();
+    let outside = components(dims, Connectivity::Faces6, |o| !kept[o]);
+    let open = outside.labels.as_slice()[0];
+    let mut filled = 0;
+    for (k, l) in kept.iter_mut().zip(outside.labels.as_slice()) {
+        if *l != 0 && *l != open {
+            *k = true;
+            filled += 1;
+        }
+    }
+    let area = kept.iter().filter(|k| **k).count().max(1);
+    (kept, f64::from(filled) / area as f64)
+}

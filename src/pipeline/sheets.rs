@@ -1,0 +1,347 @@
+//! Stage 3: single sheets and the junctions (hinges) between them.
+//!
+//! The paper drops voxels with more than 8 of 26 neighbours and takes components. On a bent
+//! sheet that rule drops a quarter of the voxels and breaks it into pieces. We use what makes a
+//! sheet a sheet instead: its points see the same two sides of the object. Walking along one
+//! sheet, both feet move on smoothly; where sheets meet, one foot jumps to another side.
+//!
+//! 1. two adjacent medial points are *linked* when both feet move less than a share of the radius;
+//! 2. linked components of points that see their feet under a wide angle are sheets, if they are
+//!    large enough; other points are handed to the sheets they lie between;
+//! 3. sheets without which the others still account for the object are pruned (stage 2 of the
+//!    paper), and sheets that only met at a pruned one become one again.
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use nalgebra::Point3;
+
+use crate::numerics::field::id;
+
+use super::depth::Depth;
+use super::medial::{MedialPoint, MedialSurface};
+use super::params::Prune;
+
+/// How far a foot may move between adjacent points of one sheet, as a share of the radius. Where
+/// n equal arms meet it jumps by 2 sin(180°/n) radii: 1.7 for three, 1.4 for four, 1.2 for five.
+const FOOT_JUMP: f64 = 0.75;
+/// Movement that is always allowed, voxels: what the grid does to thin sheets.
+const FOOT_JUMP_FLOOR: f64 = 2.5;
+/// Cosine of the angle between the feet of a point that belongs to a sheet beyond doubt: 105°. The
+/// edges of a box have medial sheets of their own that see them under 90°.
+const SURE_FEET_COSINE: f64 = -0.25;
+/// Points that a sheet of its own needs; fewer cannot carry a lattice.
+const MIN_POINTS: usize = 16;
+/// Share of the object's volume that would be lost without a sheet, for it to stay (`auto`).
+const AUTO_LOSS: f64 = 0.03;
+
+/// Steps along the surface within which sheets meet at one junction: thinning leaves the
+/// junction of thick arms up to two voxels wide.
+const NEAR_STEPS: usize = 4;
+
+/// No sheet.
+pub const NO_SHEET: u32 = u32::MAX;
+
+/// The sheets of a medial surface.
+#[derive(Clone, Debug, Default)]
+pub struct Sheets {
+    /// Sheet of every medial point, or [`NO_SHEET`] where it was pruned.
+    pub sheet_of: Vec<u32>,
+    /// Points of each sheet; sheets are in descending order of size.
+    pub members: Vec<Vec<u32>>,
+    /// Which sheets meet, and at which medial points.
+    pub hinges: Vec<Hinge>,
+    /// Sheets that were pruned.
+    pub pruned: usize,
+}
+
+/// Where sheets meet.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Hinge {
+    /// The sheets, ascending.
+    pub sheets: Vec<u32>,
+    /// Medial points that touch another of the sheets.
+    pub points: Vec<u32>,
+}
+
+/// Splits a medial surface into single sheets and prunes those without evidence.
+#[must_use]
+pub fn sheets(surface: &MedialSurface, depth: &Depth, prune: Prune, max_figures: Option<usize>) -> Sheets {
+    let threshold = match prune {
+        Prune::Auto => AUTO_LOSS,
+        Prune::Strength(strength) => strength * strength,
+    };
+    let mut label = linked_components(surface);
+    hand_over_rest(surface, &mut label);
+    join_across_pairs(surface, &mut label);
+    let mut pruned = 0;
+    while let Some(weak) = weakest(surface, depth, &label, threshold, max_figures) {
+        label.iter_mut().filter(|l| **l == weak).for_each(|l| *l = NO_SHEET);
+        pruned += 1;
+        join_across_pairs(surface, &mut label);
+    }
+    trim_edges(surface, &mut label);
+    in_order_of_size(surface, &label, pruned)
+}
+
+/// Components of linked sure points, numbered by their first.
+fn linked_components(surface: &MedialSurface) -> Vec<u32> {
+    let mut label = vec![NO_SHEET; surface.points.len()];
+    let mut count = 0;
+    for start in 0..label.len() {
+        if label[start] != NO_SHEET || !is_sure(&surface.points[start]) {
+            continue;
+        }
+        let mut stack = vec![id(start)];
+        label[start] = count;
+        while let Some(a) = stack.pop() {
+            for &b in &surface.adjacency[a as usize] {
+                let (from, to) = (&surface.points[a as usize], &surface.points[b as usize]);
+                if is_sure(to) && are_linked(from, to) && label[b as usize] == NO_SHEET {
+                    label[b as usize] = count;
+                    stack.push(b);
+                }
+            }
+        }
+        count += 1;
+    }
+    label
+}
+
+/// Whether a point belongs to a sheet beyond doubt.
+fn is_sure(point: &MedialPoint) -> bool {
+    point.feet_cosine < SURE_FEET_COSINE
+}
+
+/// Whether both feet move on smoothly from `a` to `b`.
+fn are_linked(a: &MedialPoint, b: &MedialPoint) -> bool {
+    let limit = (FOOT_JUMP * a.radius.min(b.radius)).max(FOOT_JUMP_FLOOR);
+    let moved = |p: usize, q: usize| (a.feet[p] - b.feet[q]).norm();
+    moved(0, 0).max(moved(1, 1)).min(moved(0, 1).max(moved(1, 0))) <= limit
+}
+
+/// Points without a sheet of their own go to the nearest sheet along the surface, if they lie
+/// between sheets or belong to one beyond doubt. The rest are edges and bumps of the boundary.
+fn hand_over_rest(surface: &MedialSurface, label: &mut [u32]) {
+    let sizes = sizes(label);
+    label.iter_mut().filter(|l| sizes.get(l).is_some_and(|s| *s < MIN_POINTS)).for_each(|l| *l = NO_SHEET);
+    let is_between = between_sheets(surface, label);
+    let mut queue: VecDeque<u32> = (0..id(label.len())).filter(|&p| label[p as usize] != NO_SHEET).collect();
+    while let Some(a) = queue.pop_front() {
+        for &b in &surface.adjacency[a as usize] {
+            let stays = is_between[b as usize] || is_sure(&surface.points[b as usize]);
+            if label[b as usize] == NO_SHEET && stays {
+                label[b as usize] = label[a as usize];
+                queue.push_back(b);
+            }
+        }
+    }
+}
+
+/// Points in a piece without a label that touches two labels or more.
+fn between_sheets(surface: &MedialSurface, label: &[u32]) -> Vec<bool> {
+    let mut is_between = vec![false; label.len()];
+    let mut seen = vec![false; label.len()];
+    for start in 0..label.len() {
+        if seen[start] || label[start] != NO_SHEET {
+            continue;
+        }
+        seen[start] = true;
+        let (mut piece, mut touched, mut next) = (vec![id(start)], BTreeSet::new(), 0);
+        while next < piece.len() {
+            for &n in &surface.adjacency[piece[next] as usize] {
+                if label[n as usize] != NO_SHEET {
+                    touched.insert(label[n as usize]);
+                } else if !std::mem::replace(&mut seen[n as usize], true) {
+                    piece.push(n);
+                }
+            }
+            next += 1;
+        }
+        piece.iter().for_each(|&p| is_between[p as usize] = touched.len() > 1);
+    }
+    is_between
+}
+
+fn sizes(label: &[u32]) -> BTreeMap<u32, usize> {
+    let mut sizes = BTreeMap::new();
+    for &l in label {
+        *sizes.entry(l).or_insert(0) += 1;
+    }
+    sizes.remove(&NO_SHEET);
+    sizes
+}
+
+/// The sheet to prune next: the one whose loss is the smallest, if that is below `threshold` of
+/// the volume or there are more than `max_figures`. `None` when all have evidence, or one is left.
+fn weakest(
+    surface: &MedialSurface,
+    depth: &Depth,
+    label: &[u32],
+    threshold: f64,
+    max_figures: Option<usize>,
+) -> Option<u32> {
+    let sizes = sizes(label);
+    if sizes.len() < 2 {
+        return None;
+    }
+    let losses = losses(surface, depth, label);
+    let too_many = max_figures.is_some_and(|most| sizes.len() > most);
+    let (&weak, &loss) = losses.iter().min_by(|a, b| a.1.total_cmp(b.1).then(b.0.cmp(a.0)))?;
+    (too_many || loss < threshold).then_some(weak)
+}
+
+/// For each sheet, the share of the object's volume that sticks out of the balls of all other
+/// sheets: the height of every skin point of the sheet above them, summed.
+fn losses(surface: &MedialSurface, depth: &Depth, label: &[u32]) -> BTreeMap<u32, f64> {
+    let numbers: Vec<u32> = sizes(label).into_keys().collect();
+    let owner = Balls::of(surface, |p| label[p] != NO_SHEET);
+    let mut skin_of: BTreeMap<u32, Vec<usize>> = numbers.iter().map(|&n| (n, Vec::new())).collect();
+    for (s, point) in depth.skin.iter().enumerate() {
+        if let Some((p, _)) = owner.nearest(point.position) {
+            skin_of.entry(label[p]).or_default().push(s);
+        }
+    }
+    let volume = depth.depth.as_slice().iter().filter(|d| **d > 0.0).count() as f64;
+    let mut losses = BTreeMap::new();
+    for &number in &numbers {
+        let others = Balls::of(surface, |p| label[p] != NO_SHEET && label[p] != number);
+        let heights =
+            skin_of[&number].iter().map(|&s| others.nearest(depth.skin[s].position).map_or(0.0, |f| f.1.max(0.0)));
+        losses.insert(number, heights.sum::<f64>() / volume.max(1.0));
+    }
+    losses
+}
+
+/// The inscribed balls of medial points, searchable by power distance: a ball of radius r at m is
+/// the point (m, √(r_max² − r²)) of four-space, where the nearest point has the least power.
+pub struct Balls {
+    tree: Option<ImmutableKdTree<f64, 4>>,
+    points: Vec<u32>,
+    centres: Vec<(Point3<f64>, f64)>,
+}
+
+impl Balls {
+    /// The balls of the medial points (by index) that `take` accepts.
+    #[must_use]
+    pub fn of(surface: &MedialSurface, take: impl Fn(usize) -> bool) -> Self {
+        let points: Vec<u32> = (0..surface.points.len()).filter(|&p| take(p)).map(id).collect();
+        let centres: Vec<_> =
+            points.iter().map(|&p| &surface.points[p as usize]).map(|m| (m.position, m.radius)).collect();
+        let largest = centres.iter().map(|c| c.1).fold(0.0, f64::max);
+        let lifted: Vec<[f64; 4]> =
+            centres.iter().map(|(m, r)| [m.x, m.y, m.z, (largest * largest - r * r).max(0.0).sqrt()]).collect();
+        Self { tree: ImmutableKdTree::new_from_slice(&lifted).ok(), points, centres }
+    }
+
+    /// The medial point whose ball comes nearest to `p`, and how far `p` is outside of it.
+    #[must_use]
+    pub fn nearest(&self, p: Point3<f64>) -> Option<(usize, f64)> {
+        if self.points.is_empty() {
+            return None;
+        }
+        let lifted = [p.x, p.y, p.z, 0.0];
+        let found = self.tree.as_ref()?.query(&lifted).nearest_one::<SquaredEuclidean<f64>>().execute();
+        let k = found.item as usize;
+        let (centre, radius) = self.centres[k];
+        Some((self.points[k] as usize, (p - centre).norm() - radius))
+    }
+}
+
+/// Which sheets touch, with the points that touch.
+fn contacts(surface: &MedialSurface, label: &[u32]) -> BTreeMap<(u32, u32), BTreeSet<u32>> {
+    let mut contacts: BTreeMap<(u32, u32), BTreeSet<u32>> = BTreeMap::new();
+    for (a, list) in surface.adjacency.iter().enumerate() {
+        for &b in list {
+            let (la, lb) = (label[a], label[b as usize]);
+            if la < lb && lb != NO_SHEET {
+                contacts.entry((la, lb)).or_default().extend([id(a), b]);
+            }
+        }
+    }
+    contacts
+}
+
+/// Two sheets that touch mostly where no third one is near are one sheet with a step in it.
+fn join_across_pairs(surface: &MedialSurface, label: &mut [u32]) {
+    while let Some((a, b)) = stepped_pair(surface, label) {
+        label.iter_mut().filter(|l| **l == b).for_each(|l| *l = a);
+    }
+}
+
+fn stepped_pair(surface: &MedialSurface, label: &[u32]) -> Option<(u32, u32)> {
+    contacts(surface, label).into_iter().find_map(|(pair, points)| {
+        let lone = points.iter().filter(|&&p| !has_third_near(surface, label, pair, p)).count();
+        (2 * lone > points.len()).then_some(pair)
+    })
+}
+
+/// Whether a sheet other than two lies within a few steps along the surface.
+fn has_third_near(surface: &MedialSurface, label: &[u32], (a, b): (u32, u32), start: u32) -> bool {
+    let mut seen = BTreeSet::from([start]);
+    let mut front = vec![start];
+    for _ in 0..NEAR_STEPS {
+        let mut next = Vec::new();
+        for p in front {
+            for &n in &surface.adjacency[p as usize] {
+                let l = label[n as usize];
+                if l != a && l != b && l != NO_SHEET {
+                    return true;
+                }
+                if seen.insert(n) {
+                    next.push(n);
+                }
+            }
+        }
+        front = next;
+    }
+    false
+}
+
+/// Points that are not sure stay only near another sheet, where they make the junction. Elsewhere
+/// they are the start of a sheet that runs into an edge of the boundary.
+fn trim_edges(surface: &MedialSurface, label: &mut [u32]) {
+    let before = label.to_vec();
+    for (p, l) in label.iter_mut().enumerate() {
+        if *l != NO_SHEET && !is_sure(&surface.points[p]) && !has_third_near(surface, &before, (*l, *l), id(p)) {
+            *l = NO_SHEET;
+        }
+    }
+}
+
+/// Connected sets of touching points with the sheets that touch there.
+fn hinges(surface: &MedialSurface, label: &[u32]) -> Vec<Hinge> {
+    let touching: BTreeSet<u32> = contacts(surface, label).into_values().flatten().collect();
+    let mut seen = BTreeSet::new();
+    let mut hinges = Vec::new();
+    for &start in &touching {
+        if !seen.insert(start) {
+            continue;
+        }
+        let (mut points, mut stack) = (Vec::new(), vec![start]);
+        while let Some(p) = stack.pop() {
+            points.push(p);
+            stack.extend(surface.adjacency[p as usize].iter().filter(|n| touching.contains(n) && seen.insert(**n)));
+        }
+        points.sort_unstable();
+        let sheets: BTreeSet<u32> = points.iter().map(|&p| label[p as usize]).collect();
+        hinges.push(Hinge { sheets: sheets.into_iter().collect(), points });
+    }
+    hinges
+}
+
+/// Renumbers the sheets, the largest first.
+fn in_order_of_size(surface: &MedialSurface, label: &[u32], pruned: usize) -> Sheets {
+    let mut order: Vec<(u32, usize)> = sizes(label).into_iter().collect();
+    order.sort_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(&b.0)));
+    let new: BTreeMap<u32, u32> = order.iter().enumerate().map(|(k, (old, _))| (*old, id(k))).collect();
+    let sheet_of: Vec<u32> = label.iter().map(|l| new.get(l).copied().unwrap_or(NO_SHEET)).collect();
+    let mut members = vec![Vec::new(); order.len()];
+    for (p, &sheet) in sheet_of.iter().enumerate() {
+        if sheet != NO_SHEET {
+            members[sheet as usize].push(id(p));
+        }
+    }
+    let hinges = hinges(surface, &sheet_of);
+    Sheets { sheet_of, members, hinges, pruned }
+}

@@ -1,0 +1,212 @@
+//! Stage 4: the upper and lower side of each sheet, and the crest between them (section 2.3 of
+//! the paper).
+//!
+//! The skin point that an inscribed ball touches belongs to that ball's medial point: the ball
+//! nearest in power distance. It is upper or lower by the side of the sheet it lies on, and
+//! crest where the vector to it leans more than [`CREST_COSINE`] out of the normal: there it
+//! comes from the sheet's rim.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use nalgebra::Vector3;
+
+use crate::numerics::components::{Connectivity, neighbors};
+use crate::numerics::field::id;
+use crate::space::{WorldFromVoxel, WorldVector};
+
+use super::depth::Depth;
+use super::mask::Solid;
+use super::medial::MedialSurface;
+use super::refusal::Refusal;
+use super::sheets::{Balls, Sheets};
+use super::surface::Surface;
+
+/// Cosine between a spoke and the sheet's normal below which the skin point is crest: 65°.
+const CREST_COSINE: f64 = 0.42;
+/// Cosine of the feet of points whose normal is beyond doubt, for the orientability test.
+const SURE_FEET_COSINE: f64 = -0.7;
+/// Cosine below which two touching, sure normals disagree.
+const CONFLICT_COSINE: f64 = -0.5;
+/// Disagreeing links below which they are noise: a strip of a Möbius band has one across its
+/// whole width.
+const MIN_CONFLICTS: usize = 10;
+
+/// One side of a sheet.
+#[derive(Clone, Debug, Default)]
+pub struct Side {
+    /// Its skin points.
+    pub surface: Surface,
+    /// The medial point of each, an index into [`SheetSides::medial`].
+    pub partners: Vec<u32>,
+}
+
+/// A sheet with its sides.
+#[derive(Clone, Debug, Default)]
+pub struct SheetSides {
+    /// The medial points of the sheet.
+    pub medial: Surface,
+    /// Unit normals of the medial points, towards the upper side.
+    pub normals: Vec<Vector3<f64>>,
+    /// Radius of the inscribed ball at each, voxels.
+    pub radii: Vec<f64>,
+    /// The upper side.
+    pub upper: Side,
+    /// The lower side.
+    pub lower: Side,
+    /// Skin points of the crest.
+    pub crest: usize,
+}
+
+/// Splits the skin into the sides of the sheets.
+///
+/// # Errors
+/// [`Refusal::NotOrientable`] when a sheet has one side only.
+pub fn sides(
+    solid: &Solid,
+    depth: &Depth,
+    surface: &MedialSurface,
+    sheets: &Sheets,
+) -> Result<Vec<SheetSides>, Refusal> {
+    let mut all = Vec::new();
+    let mut normal_of = vec![Vector3::zeros(); surface.points.len()];
+    let mut local_of = vec![u32::MAX; surface.points.len()];
+    for members in &sheets.members {
+        let whole = part_of(surface, members);
+        let members: Vec<u32> = whole.largest_piece().into_iter().map(|k| members[k as usize]).collect();
+        let medial = part_of(surface, &members);
+        let normals = oriented_normals(surface, &members, &medial, &solid.world_from_work)?;
+        for (local, (&p, n)) in members.iter().zip(&normals).enumerate() {
+            normal_of[p as usize] = *n;
+            local_of[p as usize] = id(local);
+        }
+        let radii = members.iter().map(|&p| surface.points[p as usize].radius).collect();
+        all.push(SheetSides { medial, normals, radii, ..SheetSides::default() });
+    }
+    let mut classes: Vec<[Vec<(u32, u32)>; 2]> = vec![[Vec::new(), Vec::new()]; all.len()];
+    let balls = Balls::of(surface, |p| local_of[p] != u32::MAX);
+    for (s, point) in depth.skin.iter().enumerate() {
+        let Some((p, _)) = balls.nearest(point.position) else { continue };
+        let sheet = sheets.sheet_of[p] as usize;
+        let spoke = (point.position - surface.points[p].position).try_normalize(1e-9).unwrap_or_else(Vector3::zeros);
+        let height = spoke.dot(&normal_of[p]);
+        if height.abs() < CREST_COSINE {
+            all[sheet].crest += 1;
+        } else {
+            classes[sheet][usize::from(height < 0.0)].push((id(s), local_of[p]));
+        }
+    }
+    for (sheet, [upper, lower]) in all.iter_mut().zip(classes) {
+        (sheet.upper, sheet.lower) = (one_piece(solid, depth, &upper), one_piece(solid, depth, &lower));
+        sheet.crest += upper.len() + lower.len() - sheet.upper.partners.len() - sheet.lower.partners.len();
+    }
+    Ok(all)
+}
+
+fn part_of(surface: &MedialSurface, members: &[u32]) -> Surface {
+    let touching = |p: u32| surface.adjacency[p as usize].clone();
+    Surface::part(|p| surface.points[p as usize].position, touching, members)
+}
+
+/// The largest connected piece of a side; what is cut off from it counts as crest.
+fn one_piece(solid: &Solid, depth: &Depth, class: &[(u32, u32)]) -> Side {
+    let dims = solid.inside.dims();
+    let touching = |s: u32| {
+        let mut list = Vec::new();
+        neighbors(dims, depth.skin_voxels[s as usize], Connectivity::Corners26, |n| {
+            list.extend(depth.skin_voxels.binary_search(&n).ok().map(id));
+        });
+        list
+    };
+    let position = |s: u32| depth.skin[s as usize].position;
+    let members: Vec<u32> = class.iter().map(|c| c.0).collect();
+    let whole = Surface::part(position, touching, &members);
+    let kept: Vec<(u32, u32)> = whole.largest_piece().into_iter().map(|k| class[k as usize]).collect();
+    let members: Vec<u32> = kept.iter().map(|c| c.0).collect();
+    Side { surface: Surface::part(position, touching, &members), partners: kept.iter().map(|c| c.1).collect() }
+}
+
+/// Normals of a sheet's points, consistent along the sheet, smoothed over touching points, and
+/// turned so that upper is the side the world says.
+fn oriented_normals(
+    surface: &MedialSurface,
+    members: &[u32],
+    medial: &Surface,
+    world_from_work: &WorldFromVoxel,
+) -> Result<Vec<Vector3<f64>>, Refusal> {
+    let mut normals: Vec<Vector3<f64>> = members.iter().map(|&p| surface.points[p as usize].normal).collect();
+    propagate(medial, &mut normals);
+    let is_sure = |k: usize| surface.points[members[k] as usize].feet_cosine < SURE_FEET_COSINE;
+    check_orientable(medial, &normals, is_sure)?;
+    for _ in 0..2 {
+        normals = smoothed(medial, &normals);
+    }
+    let mean: WorldVector = normals.iter().map(|n| world_from_work.vector(*n)).sum();
+    if towards(mean) < 0.0 {
+        normals.iter_mut().for_each(|n| *n = -*n);
+    }
+    Ok(normals)
+}
+
+/// +1 or −1: whether a direction counts as positive. The axis of the world it follows most
+/// decides: superior and anterior before right, so that left and right structures are decided
+/// alike.
+#[must_use]
+pub fn towards(direction: WorldVector) -> f64 {
+    /// A direction that is twice as much sideways as it is anything else is decided by x.
+    const SIDEWAYS_WEIGHT: f64 = 0.5;
+    let weighted = [direction.z, direction.y, SIDEWAYS_WEIGHT * direction.x];
+    let strongest = weighted.into_iter().fold(0.0f64, |best, x| if x.abs() > best.abs() { x } else { best });
+    if strongest < 0.0 { -1.0 } else { 1.0 }
+}
+
+/// Turns normals to agree with their neighbours, along the links where they are most parallel
+/// first (a maximum spanning tree; Hoppe et al., SIGGRAPH 1992).
+fn propagate(medial: &Surface, normals: &mut [Vector3<f64>]) {
+    let mut is_done = vec![false; normals.len()];
+    for start in 0..normals.len() {
+        let mut heap = BinaryHeap::new();
+        heap.push((0u64, Reverse(id(start)), id(start)));
+        while let Some((_, Reverse(to), from)) = heap.pop() {
+            let (to, from) = (to as usize, from as usize);
+            if std::mem::replace(&mut is_done[to], true) {
+                continue;
+            }
+            if normals[to].dot(&normals[from]) < 0.0 {
+                normals[to] = -normals[to];
+            }
+            for &next in &medial.adjacency[to] {
+                if !is_done[next as usize] {
+                    let parallel = normals[to].dot(&normals[next as usize]).abs();
+                    heap.push((parallel.to_bits(), Reverse(next), id(to)));
+                }
+            }
+        }
+    }
+}
+
+fn check_orientable(
+    medial: &Surface,
+    normals: &[Vector3<f64>],
+    is_sure: impl Fn(usize) -> bool,
+) -> Result<(), Refusal> {
+    let (mut conflicts, mut links) = (0, 0);
+    for (a, list) in medial.adjacency.iter().enumerate() {
+        for &b in list {
+            let b = b as usize;
+            if a < b && is_sure(a) && is_sure(b) {
+                links += 1;
+                conflicts += usize::from(normals[a].dot(&normals[b]) < CONFLICT_COSINE);
+            }
+        }
+    }
+    if conflicts >= MIN_CONFLICTS { Err(Refusal::NotOrientable { conflicts, links }) } else { Ok(()) }
+}
+
+fn smoothed(medial: &Surface, normals: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+    let mean = |k: usize| {
+        let around: Vector3<f64> = medial.adjacency[k].iter().map(|&n| normals[n as usize]).sum();
+        (normals[k] + around).try_normalize(1e-9).unwrap_or(normals[k])
+    };
+    (0..normals.len()).map(mean).collect()
+}

@@ -1,0 +1,135 @@
+//! Stage 7: which surface nodes belong to which medial node, and the vectors between them
+//! (section 4 of the paper).
+//!
+//! `paper`: the two sides are laid flat on their own, turned rigidly onto the medial embedding
+//! through the pairs of stage 4 (eigenvectors leave signs open, and on square sheets the
+//! rotation too), get a lattice of their own, and nodes of equal (i, j) are paired.
+
+use nalgebra::{Point2, Point3, Vector3};
+
+use crate::numerics::field::Field;
+use crate::numerics::fit::Rigid2;
+
+use super::isomap::Flat;
+use super::lattice::{Lattice, Node, SpaceFromPlane, lattice};
+use super::mask::Solid;
+use super::model::{PerSurface, ring};
+use super::outline::Region;
+use super::params::{CheckedParams, LatticeSize};
+use super::sides::{SheetSides, Side};
+
+/// Newton steps that carry a node onto the sub-voxel boundary.
+const NEWTON_STEPS: usize = 4;
+/// How far a node may be carried, voxels: further off, the boundary near it is not its own.
+const MAX_CARRY: f64 = 2.0;
+
+/// The nodes of a figure in work space.
+#[derive(Clone, Debug)]
+pub struct Nodes {
+    /// Lattice size.
+    pub size: LatticeSize,
+    /// Medial nodes.
+    pub medial: Vec<Point3<f64>>,
+    /// Inscribed radius at each, voxels.
+    pub radii: Vec<f64>,
+    /// Upper nodes.
+    pub upper: Vec<Point3<f64>>,
+    /// Lower nodes.
+    pub lower: Vec<Point3<f64>>,
+    /// Crest points in the order of [`ring`].
+    pub crest: Vec<Point3<f64>>,
+    /// Whether a node lies on all three surfaces.
+    pub valid: Vec<bool>,
+    /// Plane coordinates on each surface, voxels.
+    pub intrinsic: PerSurface<Vec<Point2<f64>>>,
+}
+
+/// Turns the flattened sides onto the flattened medial sheet.
+pub fn align_sides(sheet: &SheetSides, flat: &mut PerSurface<Flat>) {
+    let medial = &flat.medial.points;
+    for (side, flat) in [(&sheet.upper, &mut flat.upper), (&sheet.lower, &mut flat.lower)] {
+        let partners: Vec<Point2<f64>> = side.partners.iter().map(|&p| medial[p as usize]).collect();
+        let rigid = Rigid2::between(&flat.points, &partners);
+        flat.points.iter_mut().for_each(|p| *p = rigid.apply(*p));
+    }
+}
+
+/// Lattices on the three aligned embeddings, paired by (i, j). `None` when a region is empty.
+#[must_use]
+pub fn paper(
+    solid: &Solid,
+    sheet: &SheetSides,
+    flat: &PerSurface<Flat>,
+    params: &CheckedParams,
+    size: LatticeSize,
+) -> Option<Nodes> {
+    let on = |flat: &Flat| lattice(&Region::of(&flat.points), params.lattice, size, params.margin);
+    let lattices = PerSurface { medial: on(&flat.medial)?, upper: on(&flat.upper)?, lower: on(&flat.lower)? };
+    let medial_map = SpaceFromPlane::new(&flat.medial.points, &sheet.medial.positions, &sheet.radii);
+    let medial: Vec<Node> = lattices.medial.nodes.iter().map(|p| medial_map.node(*p)).collect();
+    let side = |side: &Side, flat: &Flat, lattice: &Lattice| {
+        let map = SpaceFromPlane::new(&flat.points, &side.surface.positions, &[]);
+        lattice.nodes.iter().map(|p| onto_boundary(&solid.level, map.node(*p).position)).collect::<Vec<_>>()
+    };
+    let (upper, lower) =
+        (side(&sheet.upper, &flat.upper, &lattices.upper), side(&sheet.lower, &flat.lower, &lattices.lower));
+    let valid = (0..size.rows * size.cols).map(|n| lattices.named().iter().all(|(_, l)| l.valid[n])).collect();
+    let crest = crest(&solid.level, &lattices.medial, &medial);
+    Some(Nodes {
+        size,
+        radii: medial.iter().map(|n| n.value).collect(),
+        medial: medial.iter().map(|n| n.position).collect(),
+        upper,
+        lower,
+        crest,
+        valid,
+        intrinsic: PerSurface {
+            medial: lattices.medial.nodes,
+            upper: lattices.upper.nodes,
+            lower: lattices.lower.nodes,
+        },
+    })
+}
+
+/// The point of the boundary that a point near it is carried to along the gradient.
+fn onto_boundary(level: &Field, from: Point3<f64>) -> Point3<f64> {
+    let mut p = from;
+    for _ in 0..NEWTON_STEPS {
+        let gradient = level.gradient(p);
+        let step = -gradient * (level.at(p) / gradient.norm_squared().max(1e-6));
+        p += step * (0.5 / step.norm().max(0.5));
+    }
+    if (p - from).norm() <= MAX_CARRY { p } else { from }
+}
+
+/// The crest point of every node of the lattice's edge: where the sheet, carried on outward in
+/// its own plane, meets the boundary.
+fn crest(level: &Field, lattice: &Lattice, medial: &[Node]) -> Vec<Point3<f64>> {
+    let LatticeSize { rows, cols } = lattice.size;
+    let outward = |n: usize| {
+        let (i, j) = (n / cols, n % cols);
+        let here = lattice.nodes[n];
+        let mut sum = nalgebra::Vector2::zeros();
+        let inner = [
+            (i == 0).then(|| n + cols),
+            (i + 1 == rows).then(|| n - cols),
+            (j == 0).then(|| n + 1),
+            (j + 1 == cols).then(|| n - 1),
+        ];
+        for m in inner.into_iter().flatten() {
+            sum += (here - lattice.nodes[m]).try_normalize(1e-9).unwrap_or_default();
+        }
+        sum
+    };
+    ring(lattice.size)
+        .into_iter()
+        .map(|n| {
+            let node = &medial[n];
+            let flat = outward(n);
+            let direction = node.tangents[0] * flat.x + node.tangents[1] * flat.y;
+            let direction = direction.try_normalize(1e-9).unwrap_or_else(Vector3::x);
+            let reach = 4.0 * node.value.max(1.0) + 4.0;
+            node.position + direction * level.first_zero(node.position, direction, reach).unwrap_or(0.0)
+        })
+        .collect()
+}

@@ -1,0 +1,379 @@
+//! All stages for one label.
+
+use std::time::Instant;
+
+use nalgebra::{Point2, Point3};
+
+use crate::numerics::surface_nets::zero_surface;
+use crate::space::{LabelVolume, ParamPoint, WorldPoint};
+
+use super::depth::{Depth, depth};
+use super::frame::canonical;
+use super::isomap::{Flat, IsomapError, flatten};
+use super::mask::{LabelBox, Solid, solid};
+use super::medial::{MedialSurface, medial_surface};
+use super::model::{
+    Figure, FlatPoints, Junction, PerSurface, StageTimings, Structure, StructureQuality, TriangleMesh, Verdict,
+};
+use super::observer::{Cancelled, Observer, Stage, Warning};
+use super::outline::Region;
+use super::params::{CheckedParams, GridChoice, LatticeSize};
+use super::quality::{figure_quality, structure_quality};
+use super::refusal::Refusal;
+use super::sheets::{Sheets, sheets};
+use super::sides::{SheetSides, sides};
+use super::spokes::{Nodes, align_sides, paper};
+
+/// Medial points that the main sheet needs: fewer are less than a lattice of 3 × 3 nodes with
+/// something to fit each to.
+const MIN_SHEET_POINTS: usize = 40;
+/// A sheet shorter than this many radii is that of a ball, one narrower than this many that of a
+/// tube.
+const BALL_LENGTH: f64 = 1.0;
+/// See [`BALL_LENGTH`].
+const TUBE_WIDTH: f64 = 0.8;
+
+/// One label and what is asked of it.
+pub struct Work<'a> {
+    /// The label map.
+    pub volume: &'a LabelVolume,
+    /// Index of the label in it.
+    pub index: u16,
+    /// Its box.
+    pub bounds: LabelBox,
+    /// What is asked for.
+    pub params: &'a CheckedParams,
+    /// Who listens.
+    pub observer: &'a dyn Observer,
+    /// Which structure this is.
+    pub number: usize,
+    /// Of how many.
+    pub count: usize,
+}
+
+/// Why a structure has no result.
+enum Stop {
+    Cancelled,
+    Refused(Refusal),
+}
+
+impl From<Cancelled> for Stop {
+    fn from(_: Cancelled) -> Self {
+        Self::Cancelled
+    }
+}
+
+impl From<Refusal> for Stop {
+    fn from(refusal: Refusal) -> Self {
+        Self::Refused(refusal)
+    }
+}
+
+/// A figure on its way: its nodes and its flattened surfaces.
+struct Draft {
+    nodes: Nodes,
+    flat: PerSurface<Flat>,
+}
+
+impl Work<'_> {
+    /// Runs all stages. A shape without a medial representation is a structure with a refusal.
+    ///
+    /// # Errors
+    /// When the observer asks to stop.
+    pub fn run(&self) -> Result<Structure, Cancelled> {
+        let mut structure = self.blank();
+        match self.stages(&mut structure) {
+            Ok(()) => Ok(structure),
+            Err(Stop::Cancelled) => Err(Cancelled),
+            Err(Stop::Refused(refusal)) => {
+                structure.quality.verdict = Verdict::Fail;
+                structure.refusal = Some(refusal);
+                Ok(structure)
+            }
+        }
+    }
+
+    fn blank(&self) -> Structure {
+        let voxels = self.volume.label_voxels[usize::from(self.index)];
+        Structure {
+            label: self.volume.label_values[usize::from(self.index)],
+            voxels,
+            volume_mm3: voxels as f64 * self.volume.world_from_voxel.voxel_volume_mm3(),
+            working_voxel_mm: 0.0,
+            figures: Vec::new(),
+            junctions: Vec::new(),
+            quality: StructureQuality::default(),
+            warnings: Vec::new(),
+            refusal: None,
+            object: TriangleMesh::default(),
+            timings: StageTimings::default(),
+        }
+    }
+
+    /// Runs `work` as a stage: looks at the observer, reports, and takes the time.
+    fn stage<T>(&self, timings: &mut StageTimings, stage: Stage, work: impl FnOnce() -> T) -> Result<T, Cancelled> {
+        self.observer.check()?;
+        self.observer.progress(self.number, self.count, stage, 0.0);
+        let start = Instant::now();
+        let result = work();
+        timings.0[stage as usize] += start.elapsed().as_secs_f64() * 1e3;
+        self.observer.progress(self.number, self.count, stage, 1.0);
+        Ok(result)
+    }
+
+    fn stages(&self, out: &mut Structure) -> Result<(), Stop> {
+        let (params, observer) = (self.params, self.observer);
+        let mut timings = StageTimings::default();
+        let mut warnings = Vec::new();
+        let prepared = self.stage(&mut timings, Stage::Distance, || {
+            let solid = solid(self.volume, self.index, self.bounds, params.resolution_mm, &mut warnings)?;
+            let depth = depth(&solid);
+            Ok::<_, Refusal>((solid, depth))
+        })?;
+        out.warnings = warnings;
+        let (solid, depth) = prepared?;
+        out.working_voxel_mm = solid.voxel_mm;
+        out.object = object_mesh(&solid);
+        let surface = self.stage(&mut timings, Stage::Skeleton, || medial_surface(&solid, &depth, observer))??;
+        let sheets =
+            self.stage(&mut timings, Stage::Sheets, || sheets(&surface, &depth, params.prune, params.max_figures))?;
+        out.timings = timings;
+        check_sheet(&surface, &sheets, &solid)?;
+        let sheet_sides = self.stage(&mut timings, Stage::Sides, || sides(&solid, &depth, &surface, &sheets))??;
+        let drafts = self.drafts(&solid, &sheet_sides, &mut timings, &mut out.warnings)?;
+        out.timings = timings;
+        let figures: Vec<Nodes> = drafts.iter().flatten().map(|d| d.nodes.clone()).collect();
+        self.stage(&mut timings, Stage::Quality, || {
+            for (sheet, draft) in sheet_sides.iter().zip(&drafts) {
+                out.figures.extend(draft.as_ref().map(|d| figure(&solid, sheet, d)));
+            }
+            let qualities: Vec<_> = out.figures.iter().map(|f| f.quality.clone()).collect();
+            out.quality = structure_quality(&solid, &depth, &figures, &qualities);
+        })?;
+        out.junctions = junctions(&solid, &surface, &sheets, &drafts);
+        if sheets.pruned > 0 {
+            let message = format!("{} small branches of the skeleton were pruned", sheets.pruned);
+            out.warnings.push(Warning { code: "branches_pruned", message });
+        }
+        out.timings = timings;
+        Ok(())
+    }
+
+    /// Flattens every sheet and lays its lattice. A secondary sheet that cannot be is left out
+    /// with a warning; the main one is refused.
+    fn drafts(
+        &self,
+        solid: &Solid,
+        sheets: &[SheetSides],
+        timings: &mut StageTimings,
+        warnings: &mut Vec<Warning>,
+    ) -> Result<Vec<Option<Draft>>, Stop> {
+        let mut drafts = Vec::new();
+        for (number, sheet) in sheets.iter().enumerate() {
+            match self.draft(solid, sheet, number, timings, warnings) {
+                Ok(draft) => drafts.push(Some(draft)),
+                Err(Stop::Refused(refusal)) if number > 0 => {
+                    let message = format!("sheet {number} was left out: {refusal}");
+                    warnings.push(Warning { code: "sheet_left_out", message });
+                    drafts.push(None);
+                }
+                Err(stop) => return Err(stop),
+            }
+        }
+        Ok(drafts)
+    }
+
+    fn draft(
+        &self,
+        solid: &Solid,
+        sheet: &SheetSides,
+        number: usize,
+        timings: &mut StageTimings,
+        warnings: &mut Vec<Warning>,
+    ) -> Result<Draft, Stop> {
+        let flat = self.stage(timings, Stage::Isomap, || self.flatten_all(solid, sheet, number, warnings))??;
+        let region = Region::of(&flat.medial.points);
+        if number == 0 {
+            check_extents(&region, sheet, solid)?;
+        }
+        if region.hole_share > 0.02 {
+            let message =
+                format!("holes in sheet {number} were filled: {:.1} % of its area", 100.0 * region.hole_share);
+            warnings.push(Warning { code: "sheet_holes_filled", message });
+        }
+        let size = match self.params.grid {
+            GridChoice::Fixed(size) => size,
+            GridChoice::Auto => automatic_size(&region, self.params.spacing_mm.map(|s| s / solid.voxel_mm)),
+        };
+        let nodes = self.stage(timings, Stage::Spokes, || paper(solid, sheet, &flat, self.params, size))?;
+        let needed = MIN_SHEET_POINTS;
+        let nodes = nodes.ok_or(Refusal::TooSmall { points: sheet.medial.positions.len(), needed })?;
+        Ok(Draft { nodes, flat })
+    }
+
+    /// ISOMAP of the sheet and its sides, turned into one frame.
+    fn flatten_all(
+        &self,
+        solid: &Solid,
+        sheet: &SheetSides,
+        number: usize,
+        warnings: &mut Vec<Warning>,
+    ) -> Result<PerSurface<Flat>, Stop> {
+        let mut flat_of = |name: &str, surface| {
+            let params = self.params;
+            let flat =
+                flatten(surface, params.neighbors, params.landmarks, solid.voxel_mm, self.observer).map_err(refused)?;
+            if flat.pieces > 1 {
+                let message = format!(
+                    "the neighbourhood graph of the {name} surface of sheet {number} fell into {} pieces, joined through touching voxels",
+                    flat.pieces
+                );
+                warnings.push(Warning { code: "neighborhood_too_small", message });
+            }
+            Ok::<Flat, Stop>(flat)
+        };
+        let mut flat = PerSurface {
+            medial: flat_of("medial", &sheet.medial)?,
+            upper: flat_of("upper", &sheet.upper.surface)?,
+            lower: flat_of("lower", &sheet.lower.surface)?,
+        };
+        flat.medial.points = canonical(&flat.medial.points, &sheet.medial.positions, &solid.world_from_work);
+        align_sides(sheet, &mut flat);
+        Ok(flat)
+    }
+}
+
+fn refused(error: IsomapError) -> Stop {
+    match error {
+        IsomapError::Cancelled(_) => Stop::Cancelled,
+        IsomapError::TooFewPoints { points } => Stop::Refused(Refusal::TooSmall { points, needed: MIN_SHEET_POINTS }),
+        other => Stop::Refused(Refusal::NotADisc { reason: other.to_string() }),
+    }
+}
+
+/// Refuses an object whose medial surface has too few points for a sheet.
+fn check_sheet(surface: &MedialSurface, sheets: &Sheets, solid: &Solid) -> Result<(), Refusal> {
+    let points = sheets.members.first().map_or(0, Vec::len);
+    if points >= MIN_SHEET_POINTS {
+        return Ok(());
+    }
+    let radius = surface.points.iter().map(|p| p.radius).fold(0.0, f64::max);
+    let volume = solid.inside.as_slice().iter().filter(|m| **m).count() as f64;
+    let ball = 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3);
+    if radius < 2.0 {
+        let thickness_mm = 2.0 * radius * solid.voxel_mm;
+        let resolution_mm = solid.voxel_mm * radius / 3.0;
+        return Err(Refusal::TooThin { thickness_mm, voxels: 2.0 * radius, voxel_mm: solid.voxel_mm, resolution_mm });
+    }
+    if volume < 2.5 * ball {
+        let radius_mm = radius * solid.voxel_mm;
+        return Err(Refusal::Ball { length_mm: 0.0, width_mm: 0.0, radius_mm });
+    }
+    Err(Refusal::TooSmall { points, needed: MIN_SHEET_POINTS })
+}
+
+/// Refuses balls and tubes: their medial sheet is no wider than they are thick.
+fn check_extents(region: &Region, sheet: &SheetSides, solid: &Solid) -> Result<(), Refusal> {
+    // The side of a rectangle is √12 times its root second moment.
+    let [length, width] = region.principal_axes().1.map(|e| e * 12.0f64.sqrt());
+    let radius = sheet.radii.iter().copied().fold(0.0, f64::max);
+    let mm = solid.voxel_mm;
+    let (length_mm, width_mm, radius_mm) = (length * mm, width * mm, radius * mm);
+    if length < BALL_LENGTH * radius {
+        Err(Refusal::Ball { length_mm, width_mm, radius_mm })
+    } else if width < TUBE_WIDTH * radius {
+        Err(Refusal::Tube { length_mm, width_mm, radius_mm })
+    } else {
+        Ok(())
+    }
+}
+
+/// Lattice size from the sheet's extents: nodes `spacing` voxels apart, or about 64 in all.
+fn automatic_size(region: &Region, spacing: Option<f64>) -> LatticeSize {
+    /// Nodes of an automatic lattice without a spacing: the paper's 6 × 8 and a little more.
+    const NODES: f64 = 64.0;
+    let [length, width] = region.principal_axes().1.map(|e| (e * 12.0f64.sqrt()).max(1.0));
+    let spacing = spacing.unwrap_or_else(|| (length * width / NODES).sqrt());
+    let nodes = |extent: f64| (crate::numerics::field::floor_index(extent / spacing + 0.5) + 1).clamp(3, 512);
+    LatticeSize { rows: nodes(width), cols: nodes(length) }
+}
+
+/// The smooth outer surface of the mask in the world.
+fn object_mesh(solid: &Solid) -> TriangleMesh {
+    let mesh = zero_surface(&solid.level);
+    let mut triangles = mesh.triangles;
+    if solid.world_from_work.matrix().determinant() < 0.0 {
+        triangles.iter_mut().for_each(|t| t.swap(1, 2));
+    }
+    TriangleMesh { positions: in_world(solid, &mesh.positions), triangles }
+}
+
+fn in_world(solid: &Solid, points: &[Point3<f64>]) -> Vec<WorldPoint> {
+    points.iter().map(|p| solid.world_from_work.point(*p)).collect()
+}
+
+fn in_mm(points: &[Point2<f64>], voxel_mm: f64) -> Vec<ParamPoint> {
+    points.iter().map(|p| ParamPoint::from(p.coords * voxel_mm)).collect()
+}
+
+/// A finished figure in the world.
+fn figure(solid: &Solid, sheet: &SheetSides, draft: &Draft) -> Figure {
+    let Draft { nodes, flat } = draft;
+    let mm = solid.voxel_mm;
+    let residual = PerSurface {
+        medial: flat.medial.residual_variance,
+        upper: flat.upper.residual_variance,
+        lower: flat.lower.residual_variance,
+    };
+    let points = |positions: &[Point3<f64>], flat: &Flat| FlatPoints {
+        positions: in_world(solid, positions),
+        flat: in_mm(&flat.points, mm),
+    };
+    Figure {
+        grid: nodes.size,
+        medial: in_world(solid, &nodes.medial),
+        upper: in_world(solid, &nodes.upper),
+        lower: in_world(solid, &nodes.lower),
+        crest: in_world(solid, &nodes.crest),
+        valid: nodes.valid.clone(),
+        medial_radius_mm: nodes.radii.iter().map(|r| r * mm).collect(),
+        intrinsic: PerSurface {
+            medial: in_mm(&nodes.intrinsic.medial, mm),
+            upper: in_mm(&nodes.intrinsic.upper, mm),
+            lower: in_mm(&nodes.intrinsic.lower, mm),
+        },
+        neighbors: PerSurface {
+            medial: flat.medial.neighbors,
+            upper: flat.upper.neighbors,
+            lower: flat.lower.neighbors,
+        },
+        landmarks: PerSurface {
+            medial: flat.medial.landmarks,
+            upper: flat.upper.landmarks,
+            lower: flat.lower.landmarks,
+        },
+        points: PerSurface {
+            medial: points(&sheet.medial.positions, &flat.medial),
+            upper: points(&sheet.upper.surface.positions, &flat.upper),
+            lower: points(&sheet.lower.surface.positions, &flat.lower),
+        },
+        quality: figure_quality(nodes, residual),
+    }
+}
+
+/// Hinges between the figures that were kept.
+fn junctions(solid: &Solid, surface: &MedialSurface, sheets: &Sheets, drafts: &[Option<Draft>]) -> Vec<Junction> {
+    let mut number = Vec::new();
+    for draft in drafts {
+        number.push(draft.is_some().then(|| number.iter().flatten().count()));
+    }
+    let mut all = Vec::new();
+    for hinge in &sheets.hinges {
+        let figures: Vec<usize> = hinge.sheets.iter().filter_map(|&s| number[s as usize]).collect();
+        if figures.len() > 1 {
+            let points = hinge.points.iter().map(|&p| surface.points[p as usize].position).collect::<Vec<_>>();
+            all.push(Junction { figures, points: in_world(solid, &points) });
+        }
+    }
+    all
+}

@@ -1,0 +1,151 @@
+//! thickness.json and the tables.
+
+use std::io::Write;
+
+use medialrep::formats::thickness_json::{self, InputFacts, OuterTimings};
+use medialrep::formats::{params_json, tables};
+use medialrep::pipeline::model::Model;
+use medialrep::pipeline::observer::{Stage, Warning};
+use serde_json::{Value, json};
+
+use crate::models::model;
+
+fn text(write: impl FnOnce(&mut Vec<u8>) -> std::io::Result<()>) -> String {
+    let mut bytes = Vec::new();
+    write(&mut bytes).unwrap();
+    String::from_utf8(bytes).unwrap()
+}
+
+fn thickness(model: &Model) -> Value {
+    let input = InputFacts { sha256: "ab".repeat(32), format: "nifti1.gz" };
+    let notices = [Warning { code: "no_orientation", message: "none".to_owned() }];
+    let timings = OuterTimings { read_ms: 1.0, write_ms: 2.0, total_ms: 3.0 };
+    serde_json::from_str(&text(|out| thickness_json::write(model, &input, &notices, timings, out))).unwrap()
+}
+
+fn keys(value: &Value) -> Vec<&str> {
+    value.as_object().unwrap().keys().map(String::as_str).collect()
+}
+
+#[test]
+fn thickness_json_has_the_names_of_the_contract() {
+    let document = thickness(&model());
+    let top = ["schema", "program", "input", "space", "params", "structures", "warnings", "timings_ms"];
+    assert_eq!(keys(&document), top);
+    assert_eq!(document["schema"], "medialrep/thickness/1");
+    assert_eq!(document["program"], json!({"name": "medialrep", "version": env!("CARGO_PKG_VERSION")}));
+    assert_eq!(document["space"], json!({"name": "RAS", "unit": "mm"}));
+    assert_eq!(keys(&document["input"]), ["sha256", "format", "dims", "spacing_mm", "affine"]);
+    assert_eq!(document["input"]["spacing_mm"], json!([1.0, 1.0, 2.0]));
+    assert_eq!(document["input"]["affine"][2], json!([0.0, 0.0, 2.0, 5.5]));
+    assert_eq!(keys(&document["params"]), params_json::NAMES);
+    assert_eq!(document["warnings"][0]["code"], "no_orientation");
+    assert_eq!(document["timings_ms"], json!({"read": 1.0, "write": 2.0, "total": 3.0}));
+    let structure = &document["structures"][0];
+    let names = [
+        "index",
+        "label",
+        "name",
+        "voxels",
+        "volume_mm3",
+        "working_voxel_mm",
+        "figures",
+        "junctions",
+        "quality",
+        "warnings",
+        "timings_ms",
+    ];
+    assert_eq!(keys(structure), names);
+    let mut stages: Vec<&str> = Stage::ALL.iter().map(|stage| stage.name()).collect();
+    stages.push("total");
+    assert_eq!(keys(&structure["timings_ms"]), stages);
+    assert_eq!(structure["quality"]["verdict"], "warn");
+    assert_eq!(structure["quality"]["reasons"][0]["value"], json!(0.3));
+    assert_eq!(structure["quality"]["reasons"][0]["threshold"], Value::Null);
+    assert_eq!(document["structures"][1]["refusal"]["code"], "too_small");
+}
+
+#[test]
+fn a_figure_has_every_node_in_row_major_order() {
+    let document = thickness(&model());
+    let figure = &document["structures"][0]["figures"][0];
+    let names = [
+        "index",
+        "grid",
+        "medial",
+        "upper",
+        "lower",
+        "crest",
+        "valid",
+        "vectors",
+        "thickness",
+        "medial_radius_mm",
+        "intrinsic",
+        "neighbors",
+        "landmarks",
+        "quality",
+    ];
+    assert_eq!(keys(figure), names);
+    assert_eq!(figure["grid"], json!({"rows": 6, "cols": 8}));
+    for list in [
+        &figure["medial"],
+        &figure["upper"],
+        &figure["lower"],
+        &figure["valid"],
+        &figure["medial_radius_mm"],
+        &figure["vectors"]["upper"],
+        &figure["thickness"]["total_mm"],
+        &figure["intrinsic"]["lower"],
+    ] {
+        assert_eq!(list.as_array().unwrap().len(), 48);
+    }
+    assert_eq!(figure["crest"].as_array().unwrap().len(), 2 * (6 + 8) - 4);
+    // Node (1, 0) is 5 mm along y.
+    assert_eq!(figure["medial"][8], json!([0.0, 5.0, 40.0]));
+    assert_eq!(figure["vectors"]["lower"][8], json!([0.0, 0.0, -2.0]));
+    assert_eq!(figure["thickness"]["total_mm"][8], json!(5.125));
+    assert_eq!(figure["quality"]["folded_cells"], json!([{"side": "upper", "i": 1, "j": 2}]));
+    // What is no number is null.
+    assert_eq!(document["structures"][0]["figures"][1]["medial"][0], json!([null, 0.0, 0.0]));
+}
+
+#[test]
+fn equal_models_give_equal_bytes() {
+    assert_eq!(thickness(&model()), thickness(&model()));
+}
+
+#[test]
+fn thickness_csv_has_a_row_per_node_and_side() {
+    let table = text(|out| tables::write_thickness(&model(), out));
+    let lines: Vec<&str> = table.lines().collect();
+    assert_eq!(lines[0], "structure,label,figure,i,j,side,x_mm,y_mm,z_mm,dx_mm,dy_mm,dz_mm,thickness_mm,valid");
+    assert_eq!(lines.len(), 1 + 2 * (48 + 30));
+    assert_eq!(lines[1 + 8], "0,11,0,1,0,upper,0,5,40,0,0,3.125,3.125,true");
+    assert_eq!(lines[1 + 48 + 8], "0,11,0,1,0,lower,0,5,40,0,0,-2,2,true");
+    assert!(lines[1 + 96].starts_with("0,11,1,0,0,upper,,0,0,"), "{}", lines[97]);
+    assert!(lines[1 + 96].ends_with(",false"));
+    assert!(lines.iter().all(|line| line.split(',').count() == 14));
+}
+
+#[test]
+fn points_csv_has_a_row_per_point() {
+    let table = text(|out| tables::write_points(&model(), out));
+    let lines: Vec<&str> = table.lines().collect();
+    assert_eq!(lines[0], "structure,figure,surface,x_mm,y_mm,z_mm,u_mm,v_mm");
+    assert_eq!(lines.len(), 1 + 3 * (48 + 30));
+    assert_eq!(lines[1 + 8], "0,0,medial,0,5,40,0,5");
+}
+
+#[test]
+fn a_full_disk_is_an_error_of_the_writer() {
+    struct Full;
+    impl Write for Full {
+        fn write(&mut self, _: &[u8]) -> std::io::Result<usize> {
+            Err(std::io::ErrorKind::StorageFull.into())
+        }
+        fn flush(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+    assert_eq!(tables::write_points(&model(), Full).unwrap_err().kind(), std::io::ErrorKind::StorageFull);
+}

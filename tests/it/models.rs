@@ -1,0 +1,91 @@
+//! Models made by hand, for the writers.
+
+use medialrep::pipeline::model::{
+    Figure, FigureQuality, FlatPoints, Junction, Model, PerSurface, Reason, StageTimings, Structure, StructureQuality,
+    TriangleMesh, Verdict, ring,
+};
+use medialrep::pipeline::observer::Warning;
+use medialrep::pipeline::params::{LatticeSize, Params};
+use medialrep::pipeline::refusal::Refusal;
+use medialrep::space::{ParamPoint, WorldFromVoxel, WorldPoint, WorldVector};
+
+/// A slab bent over a cylinder of 40 mm, nodes 5 mm apart along the bend and along its axis; 3
+/// to 4 mm thick above, 2 mm below.
+pub fn bent_slab(grid: LatticeSize) -> Figure {
+    let flat: Vec<ParamPoint> = (0..grid.rows * grid.cols)
+        .map(|n| ParamPoint::new(5.0 * (n % grid.cols) as f64, 5.0 * (n / grid.cols) as f64))
+        .collect();
+    let at = |uv: &ParamPoint, height: f64| {
+        let (sin, cos) = (uv.x / 40.0).sin_cos();
+        WorldPoint::new((40.0 + height) * sin, uv.y, (40.0 + height) * cos)
+    };
+    let medial: Vec<WorldPoint> = flat.iter().map(|uv| at(uv, 0.0)).collect();
+    let upper: Vec<WorldPoint> = flat.iter().map(|uv| at(uv, 3.0 + uv.y / 40.0)).collect();
+    let lower: Vec<WorldPoint> = flat.iter().map(|uv| at(uv, -2.0)).collect();
+    let center = WorldPoint::from(medial.iter().map(|p| p.coords).sum::<WorldVector>() / medial.len() as f64);
+    let crest = ring(grid).iter().map(|n| medial[*n] + (medial[*n] - center).normalize() * 2.5).collect();
+    let points = |positions: &Vec<WorldPoint>| FlatPoints { positions: positions.clone(), flat: flat.clone() };
+    Figure {
+        grid,
+        crest,
+        valid: vec![true; flat.len()],
+        medial_radius_mm: vec![2.0; flat.len()],
+        intrinsic: PerSurface { medial: flat.clone(), upper: flat.clone(), lower: flat.clone() },
+        neighbors: PerSurface { medial: 30.5, upper: 28.0, lower: 28.0 },
+        landmarks: PerSurface { medial: 60, upper: 60, lower: 60 },
+        points: PerSurface { medial: points(&medial), upper: points(&upper), lower: points(&lower) },
+        quality: FigureQuality {
+            folded_cells: vec![(true, 1, 2)],
+            folds: 1,
+            valid_share: 1.0,
+            ..FigureQuality::default()
+        },
+        medial,
+        upper,
+        lower,
+    }
+}
+
+/// A structure of that figure with a tetrahedron as its object.
+pub fn structure(label: i64, figures: Vec<Figure>) -> Structure {
+    let reason = Reason { code: "few_nodes", message: "few nodes".to_owned(), value: 0.1 + 0.2, threshold: f64::NAN };
+    Structure {
+        label,
+        voxels: 3600,
+        volume_mm3: 3600.0,
+        working_voxel_mm: 1.0,
+        figures,
+        junctions: vec![Junction { figures: vec![0], points: vec![WorldPoint::new(1.0, 2.0, 3.0)] }],
+        quality: StructureQuality {
+            verdict: Verdict::Warn,
+            reasons: vec![reason],
+            dice: 0.96,
+            ..StructureQuality::default()
+        },
+        warnings: vec![Warning { code: "a_warning", message: "a \"quoted\" warning".to_owned() }],
+        refusal: None,
+        object: TriangleMesh {
+            positions: [[0.0, 0.0, 0.0], [9.0, 0.0, 0.0], [0.0, 9.0, 0.0], [0.0, 0.0, 9.0]]
+                .map(WorldPoint::from)
+                .to_vec(),
+            triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
+        },
+        timings: StageTimings([1.5; 8]),
+    }
+}
+
+/// One structure with a full figure and one with a hole in it, and one that was refused.
+pub fn model() -> Model {
+    let mut holed = bent_slab(LatticeSize { rows: 5, cols: 6 });
+    holed.valid[0] = false;
+    holed.medial[0] = WorldPoint::new(f64::NAN, 0.0, 0.0);
+    let mut refused = structure(2101, Vec::new());
+    refused.refusal = Some(Refusal::TooSmall { points: 3, needed: 9 });
+    refused.object = TriangleMesh::default();
+    Model {
+        params: Params::default().check().unwrap(),
+        world_from_voxel: WorldFromVoxel::axis_aligned([1.0, 1.0, 2.0], [-10.0, 0.0, 5.5]).unwrap(),
+        dims: [90, 80, 70],
+        structures: vec![structure(11, vec![bent_slab(LatticeSize { rows: 6, cols: 8 }), holed]), refused],
+    }
+}
