@@ -10,7 +10,7 @@ sample=${SAMPLE:-leaf}
 command -v curl >/dev/null || { echo "make run: needs curl" >&2; exit 1; }
 cargo build --release --locked
 program=${CARGO_TARGET_DIR:-target}/release/medialrep
-mkdir -p data
+mkdir -p -m 700 data
 mask=data/$sample.nii.gz
 "$program" sample "$sample" --out "$mask"
 

@@ -24,6 +24,8 @@ mod jobs_process;
 
 mod cli_run;
 
+mod cli_serve;
+
 mod support;
 
 mod api_submit;
