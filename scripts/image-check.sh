@@ -114,11 +114,12 @@ start_in_buildah() {
     in_image /medialrep probe --listen "127.0.0.1:$port" || fail "the health check of the image says no"
 }
 
-# As docker run --read-only: the root cannot be written to, only /data.
+# As docker run --read-only: the root cannot be written to, only /data. Random numbers need /dev.
 start_read_only() {
     say "starting it on a read-only root"
     unshare --mount bash -c '
-        mount --bind "$1" "$1" && mount -o remount,ro,bind "$1" && mount --bind "$2" "$1/data" || exit 9
+        mkdir -p "$1/dev" && mount --bind "$1" "$1" && mount -o remount,ro,bind "$1" || exit 9
+        mount --rbind /dev "$1/dev" && mount --bind "$2" "$1/data" || exit 9
         ! touch "$1/written" 2>/dev/null || exit 8
         exec chroot --userspec=65532:65532 "$1" /medialrep serve --listen "127.0.0.1:$3" --data-dir /data
     ' - "$mounted" "$work/data" "$port" >"$work/server.log" 2>&1 &

@@ -12,7 +12,7 @@ use utoipa::IntoParams;
 
 use super::error::{ApiError, PROBLEM_JSON};
 use super::extract::{JobPath, StrictQuery};
-use super::params_schema::{FormSchema, ParamsQuery};
+use super::params_schema::{BytesSchema, FormSchema, ParamsQuery};
 use super::submit;
 use super::view::{JobList, JobView};
 use crate::jobs::job::{JobId, JobState};
@@ -34,12 +34,12 @@ const PAGE: u32 = 20;
     post, path = "/v1/jobs", tag = "jobs",
     params(ParamsQuery),
     request_body(content(
-        (Vec<u8> = "application/octet-stream"),
-        (Vec<u8> = "application/gzip"),
+        (inline(BytesSchema) = "application/octet-stream"),
+        (inline(BytesSchema) = "application/gzip"),
         (FormSchema = "multipart/form-data")
     )),
     responses(
-        (status = 202, body = JobView, headers(
+        (status = 202, body = JobView, description = "The job, on disk", headers(
             ("Location" = String, description = "The job"),
             ("Retry-After" = u32, description = "Seconds until it is worth a look")
         )),
@@ -84,7 +84,7 @@ pub struct ListParams {
     get, path = "/v1/jobs", tag = "jobs",
     params(ListParams),
     responses(
-        (status = 200, body = JobList, headers(("Link" = String, description = "`rel=\"next\"` when there are more"))),
+        (status = 200, body = JobList, description = "A page of jobs", headers(("Link" = String, description = "`rel=\"next\"` when there are more"))),
         (status = 400, body = Problem, content_type = PROBLEM_JSON, description = "`invalid_query`")
     )
 )]
@@ -132,7 +132,7 @@ fn next_link(list: &JobList, params: &ListParams) -> HeaderMap {
     get, path = "/v1/jobs/{id}", tag = "jobs",
     params(("id" = String, Path, description = "The job's id")),
     responses(
-        (status = 200, body = JobView),
+        (status = 200, body = JobView, description = "The job"),
         (status = 404, body = Problem, content_type = PROBLEM_JSON, description = "`no_such_job`")
     )
 )]
@@ -159,7 +159,7 @@ pub async fn delete(State(jobs): State<Arc<Jobs>>, JobPath(id): JobPath) -> Resu
     post, path = "/v1/jobs/{id}/cancel", tag = "jobs",
     params(("id" = String, Path, description = "The job's id")),
     responses(
-        (status = 202, body = JobView),
+        (status = 202, body = JobView, description = "The job, canceled or about to be"),
         (status = 404, body = Problem, content_type = PROBLEM_JSON, description = "`no_such_job`"),
         (status = 409, body = Problem, content_type = PROBLEM_JSON, description = "`job_ended`")
     )

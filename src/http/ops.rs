@@ -37,13 +37,13 @@ pub struct Health {
 }
 
 /// What is where.
-#[utoipa::path(get, path = "/", tag = "operation", responses((status = 200, body = String, content_type = "text/plain")))]
+#[utoipa::path(get, path = "/", tag = "operation", responses((status = 200, body = String, content_type = "text/plain", description = "A short text")))]
 pub async fn index() -> &'static str {
     INDEX
 }
 
 /// Whether the process runs.
-#[utoipa::path(get, path = "/livez", tag = "operation", responses((status = 200, body = Health)))]
+#[utoipa::path(get, path = "/livez", tag = "operation", responses((status = 200, body = Health, description = "It runs")))]
 pub async fn livez() -> Json<Health> {
     Json(Health { status: "alive", version: env!("CARGO_PKG_VERSION") })
 }
@@ -53,7 +53,7 @@ pub async fn livez() -> Json<Health> {
 #[utoipa::path(
     get, path = "/readyz", tag = "operation",
     responses(
-        (status = 200, body = Health),
+        (status = 200, body = Health, description = "It can"),
         (status = 503, body = Problem, content_type = PROBLEM_JSON, description = "`not_ready`")
     )
 )]
@@ -62,13 +62,14 @@ pub async fn readyz(State(jobs): State<Arc<Jobs>>) -> Result<Json<Health>, ApiEr
     if broken.is_empty() {
         return Ok(Json(Health { status: "ready", version: env!("CARGO_PKG_VERSION") }));
     }
+    tracing::warn!(?broken, "not ready");
     Err(Problem::new(503, "not_ready", broken.join(", ")).into())
 }
 
 /// This description.
 #[utoipa::path(
     get, path = "/openapi.yaml", tag = "operation",
-    responses((status = 200, body = String, content_type = "application/yaml"))
+    responses((status = 200, body = String, content_type = "application/yaml", description = "OpenAPI 3.1"))
 )]
 pub async fn openapi() -> impl IntoResponse {
     static YAML: LazyLock<String> = LazyLock::new(super::openapi_yaml);

@@ -52,6 +52,17 @@ impl PartialSchema for FormSchema {
     }
 }
 
+/// The schema of a body that is bytes.
+pub struct BytesSchema;
+
+impl ToSchema for BytesSchema {}
+
+impl PartialSchema for BytesSchema {
+    fn schema() -> RefOr<Schema> {
+        schema(json!({"type": "string", "format": "binary"}))
+    }
+}
+
 /// The schema of the parameters.
 pub struct ParamsSchema;
 

@@ -16,6 +16,7 @@ use tokio_util::io::ReaderStream;
 
 use super::error::{ApiError, PROBLEM_JSON};
 use super::extract::ResultPath;
+use super::params_schema::BytesSchema;
 use crate::jobs::queue::{Jobs, JobsError, PublishedFile};
 use crate::problem::Problem;
 
@@ -29,8 +30,8 @@ use crate::problem::Problem;
         ("Range" = Option<String>, Header, description = "One range of bytes")
     ),
     responses(
-        (status = 200, content(
-            (Vec<u8> = "model/gltf-binary"), (serde_json::Value = "application/json"), (String = "text/csv")
+        (status = 200, description = "The whole file", content(
+            (inline(BytesSchema) = "model/gltf-binary"), (serde_json::Value = "application/json"), (String = "text/csv")
         ), headers(("ETag" = String, description = "The content's SHA-256"))),
         (status = 206, description = "The range asked for"),
         (status = 304, description = "The client has it"),

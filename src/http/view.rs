@@ -18,8 +18,10 @@ pub struct JobView {
     /// Where the job stands. `succeeded`, `failed` and `canceled` are for ever.
     state: JobState,
     /// How far the run is; null unless running.
+    #[schema(required)]
     progress: Option<ProgressView>,
     /// 1 for the next to run; null unless queued.
+    #[schema(required)]
     queue_position: Option<u64>,
     /// Runs begun. More than 1 when the server stopped during a run.
     attempt: u32,
@@ -29,12 +31,13 @@ pub struct JobView {
     #[schema(format = DateTime)]
     created_at: String,
     /// When its last run began, RFC 3339.
-    #[schema(format = DateTime)]
+    #[schema(required, format = DateTime)]
     started_at: Option<String>,
     /// When it ended, RFC 3339.
-    #[schema(format = DateTime)]
+    #[schema(required, format = DateTime)]
     ended_at: Option<String>,
     /// Why it failed; null unless failed.
+    #[schema(required)]
     error: Option<Problem>,
     /// What a reader of the results should know.
     warnings: Vec<JobWarning>,
@@ -87,6 +90,7 @@ pub struct Links {
     #[serde(rename = "self")]
     itself: String,
     /// POST here to stop it; null once it has ended.
+    #[schema(required)]
     cancel: Option<String>,
 }
 
@@ -96,6 +100,7 @@ pub struct JobList {
     /// The jobs.
     jobs: Vec<JobView>,
     /// Give this as `cursor` for the next page; null on the last.
+    #[schema(required)]
     next_cursor: Option<String>,
 }
 

@@ -4,6 +4,7 @@
 //! incoming/…                 uploads under way
 //! masks/{job}                one per job
 //! results/{job}/{token}/…    one folder per attempt, named by its lease token
+//! db/…                       the store's, when it is a file
 //! ```
 //!
 //! Plain files and no object store: the pipeline reads and writes local paths anyway, and an
@@ -22,6 +23,7 @@ use super::job::JobId;
 const INCOMING: &str = "incoming";
 const MASKS: &str = "masks";
 const RESULTS: &str = "results";
+const DATABASE: &str = "db";
 
 /// The files of all jobs under one folder.
 #[derive(Clone, Debug)]
@@ -35,10 +37,16 @@ impl Blobs {
     /// # Errors
     /// When a folder cannot be made.
     pub fn open(root: &Path) -> io::Result<Self> {
-        for folder in ["", INCOMING, MASKS, RESULTS] {
+        for folder in ["", INCOMING, MASKS, RESULTS, DATABASE] {
             DirBuilder::new().recursive(true).mode(0o700).create(root.join(folder))?;
         }
         Ok(Self { root: root.to_owned() })
+    }
+
+    /// Where a store that is a file lies.
+    #[must_use]
+    pub fn database_path(&self) -> PathBuf {
+        self.root.join(DATABASE).join("jobs.sqlite")
     }
 
     /// A file for an upload; it vanishes when dropped.

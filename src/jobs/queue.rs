@@ -133,7 +133,7 @@ impl Jobs {
     pub async fn open(data_dir: &Path, limits: JobLimits) -> Result<Self, OpenError> {
         let blobs = Blobs::open(data_dir)?;
         let lock = lock(data_dir)?;
-        let store: Arc<dyn JobStore> = Arc::new(SqliteStore::open(&data_dir.join("jobs.sqlite")).await?);
+        let store: Arc<dyn JobStore> = Arc::new(SqliteStore::open(&blobs.database_path()).await?);
         let taken_up = store.reclaim(Reclaim::All, Timestamp::now()).await?;
         let kept = store.kept_files().await?.into_iter().map(|(id, token)| (id.to_string(), token)).collect();
         let swept = blobs.sweep(&kept)?;

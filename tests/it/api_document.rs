@@ -43,6 +43,14 @@ async fn every_route_in_the_document_is_served() {
     }
 }
 
+#[test]
+fn every_answer_in_the_document_is_described() {
+    let yaml = openapi_yaml();
+    let blocks = yaml.split("\n        '").skip(1);
+    let lacking: Vec<_> = blocks.filter(|block| !block.contains("\n          description: ")).collect();
+    assert!(lacking.is_empty(), "{lacking:#?}");
+}
+
 #[tokio::test]
 async fn the_document_is_served() {
     let server = Server::without_workers().await;
