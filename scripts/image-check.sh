@@ -41,7 +41,12 @@ mirror() {
 
 # The Rust image: Debian, a C compiler, and the toolchain of this machine.
 make_stand_in() {
-    local name=$1 root=$cache/root-$suite from=$(mirror)
+    local name=$1 root=$cache/root-$suite toolchain from
+    toolchain=$(rustc -V)
+    if [ "$(images inspect --type image --format '{{index .Docker.Config.Labels "toolchain"}}' "$name" 2>/dev/null)" = "$toolchain" ]; then
+        return
+    fi
+    from=$(mirror)
     if [ ! -e "$root/complete" ]; then
         say "making a Debian $suite"
         rm -rf "$root"
@@ -58,7 +63,8 @@ make_stand_in() {
     images copy --quiet "$container" /etc/ssl/certs/ca-certificates.crt /etc/ssl/certs/ca-certificates.crt >/dev/null
     local settings=${CARGO_HOME:-$HOME/.cargo}/config.toml
     if [ -e "$settings" ]; then images copy --quiet "$container" "$settings" /usr/local/cargo/config.toml >/dev/null; fi
-    images config --env PATH=/usr/local/rust/bin:/usr/bin:/bin --env CARGO_HOME=/usr/local/cargo "$container"
+    images config --env PATH=/usr/local/rust/bin:/usr/bin:/bin --env CARGO_HOME=/usr/local/cargo \
+        --label "toolchain=$toolchain" "$container"
     images commit --quiet --rm "$container" "$name" >/dev/null
 }
 
