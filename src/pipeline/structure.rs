@@ -7,7 +7,7 @@ use nalgebra::{Point2, Point3};
 use crate::numerics::surface_nets::zero_surface;
 use crate::space::{LabelVolume, ParamPoint, WorldPoint};
 
-use super::depth::{Depth, depth};
+use super::depth::depth;
 use super::frame::canonical;
 use super::isomap::{Flat, IsomapError, flatten};
 use super::mask::{LabelBox, Solid, solid};
@@ -22,7 +22,7 @@ use super::quality::{figure_quality, structure_quality};
 use super::refusal::Refusal;
 use super::sheets::{Sheets, sheets};
 use super::sides::{SheetSides, sides};
-use super::spokes::{Nodes, align_sides, paper};
+use super::spokes::{Nodes, align_sides, lattices, paper};
 
 /// Medial points that the main sheet needs: fewer are less than a lattice of 3 × 3 nodes with
 /// something to fit each to.
@@ -205,9 +205,10 @@ impl Work<'_> {
             GridChoice::Fixed(size) => size,
             GridChoice::Auto => automatic_size(&region, self.params.spacing_mm.map(|s| s / solid.voxel_mm)),
         };
-        let nodes = self.stage(timings, Stage::Spokes, || paper(solid, sheet, &flat, self.params, size))?;
+        let lattices = self.stage(timings, Stage::Lattice, || lattices(&flat, self.params, size))?;
         let needed = MIN_SHEET_POINTS;
-        let nodes = nodes.ok_or(Refusal::TooSmall { points: sheet.medial.positions.len(), needed })?;
+        let lattices = lattices.ok_or(Refusal::TooSmall { points: sheet.medial.positions.len(), needed })?;
+        let nodes = self.stage(timings, Stage::Spokes, || paper(solid, sheet, &flat, lattices))?;
         Ok(Draft { nodes, flat })
     }
 
