@@ -222,8 +222,8 @@ impl Work<'_> {
     ) -> Result<PerSurface<Flat>, Stop> {
         let mut flat_of = |name: &str, surface| {
             let params = self.params;
-            let flat =
-                flatten(surface, params.neighbors, params.landmarks, solid.voxel_mm, self.observer).map_err(refused)?;
+            let flat = flatten(surface, params.neighbors, params.landmarks, solid.voxel_mm, self.observer)
+                .map_err(|error| refused(error, sheet, solid.voxel_mm))?;
             if flat.pieces > 1 {
                 let message = format!(
                     "the neighbourhood graph of the {name} surface of sheet {number} fell into {} pieces, joined through touching voxels",
@@ -244,12 +244,19 @@ impl Work<'_> {
     }
 }
 
-fn refused(error: IsomapError) -> Stop {
-    match error {
-        IsomapError::Cancelled(_) => Stop::Cancelled,
-        IsomapError::TooFewPoints { points } => Stop::Refused(Refusal::TooSmall { points, needed: MIN_SHEET_POINTS }),
-        other => Stop::Refused(Refusal::NotADisc { reason: other.to_string() }),
-    }
+fn refused(error: IsomapError, sheet: &SheetSides, voxel_mm: f64) -> Stop {
+    let refusal = match error {
+        IsomapError::Cancelled(_) => return Stop::Cancelled,
+        IsomapError::TooFewPoints { points } => Refusal::TooSmall { points, needed: MIN_SHEET_POINTS },
+        IsomapError::TooManyForExact { points, limit } => Refusal::TooManyPoints { points, limit },
+        IsomapError::NoPlane => {
+            let from = sheet.medial.positions[0];
+            let length = sheet.medial.positions.iter().map(|p| (p - from).norm()).fold(0.0, f64::max);
+            let radius = sheet.radii.iter().copied().fold(0.0, f64::max);
+            Refusal::Tube { length_mm: length * voxel_mm, width_mm: 0.0, radius_mm: radius * voxel_mm }
+        }
+    };
+    Stop::Refused(refusal)
 }
 
 /// Refuses an object whose medial surface has too few points for a sheet.

@@ -23,3 +23,11 @@ mod formats_glb;
 mod jobs_process;
 
 mod cli_run;
+
+mod phantoms;
+
+mod pipeline_shapes;
+
+mod pipeline_input;
+
+mod pipeline_stages;
