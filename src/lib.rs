@@ -14,4 +14,8 @@ pub mod formats;
 
 pub mod jobs;
 
+pub mod http;
+
+pub mod config;
+
 pub mod cli;

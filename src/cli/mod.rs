@@ -6,6 +6,8 @@ pub mod run;
 
 pub mod sample;
 
+pub mod probe;
+
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -39,20 +41,34 @@ enum Command {
     Run(run::RunArgs),
     /// Write an analytic mask to try the program on
     Sample(sample::SampleArgs),
+    /// Ask a running service whether it is ready
+    #[command(hide = true)]
+    Probe(probe::ProbeArgs),
+    /// Write the description of the service's routes
+    #[command(hide = true)]
+    Openapi,
 }
 
 /// Does what the arguments say; an error is told in one line.
 #[must_use]
 pub fn main(arguments: Arguments) -> ExitCode {
     let outcome = match arguments.command {
-        Command::Serve(arguments) => serve::serve(arguments),
+        Command::Serve(arguments) => serve::serve(&arguments),
         Command::Run(arguments) => run::run(arguments),
         Command::Sample(arguments) => sample::sample(arguments),
+        Command::Probe(arguments) => Ok(probe::probe(&arguments)),
+        Command::Openapi => Ok(openapi()),
     };
     outcome.unwrap_or_else(|error| {
         complain(&format!("{error:#}"));
         ExitCode::from(exit::INTERNAL)
     })
+}
+
+#[expect(clippy::print_stdout, reason = "the document goes to stdout")]
+fn openapi() -> ExitCode {
+    print!("{}", crate::http::openapi_yaml());
+    ExitCode::SUCCESS
 }
 
 /// One line on stderr, whatever is in `text`.

@@ -10,7 +10,7 @@ use super::nifti_affine::world_from_voxel;
 use super::nifti_header::{Layout, RawHeader};
 use super::nifti_voxels::{Voxels, read_voxels};
 use super::read_error::ReadError;
-use super::sniff::{SNIFF_BYTES, Version, sniff};
+use super::sniff::{GZIP_MAGIC, SNIFF_BYTES, Version, sniff};
 use super::stream::Stream;
 use crate::space::{Grid, LabelVolume, VolumeNotice};
 
@@ -76,6 +76,29 @@ pub fn read(source: impl Read, limits: InputLimits) -> Result<ReadVolume, ReadEr
     let indices = Grid::from_vec(layout.dims, indices).expect("exactly that many voxels were read");
     let volume = LabelVolume { indices, label_values, label_voxels, world_from_voxel, notices };
     Ok(ReadVolume { volume, sha256: digested.sha256, bytes: digested.bytes, format })
+}
+
+/// Bytes of a file that [`check_magic`] needs to see.
+pub const MAGIC_BYTES: usize = SNIFF_BYTES;
+
+/// Looks at the first [`MAGIC_BYTES`] of a file, or at all of a shorter one. Gzip passes: what is
+/// in it is not looked at.
+///
+/// # Errors
+/// When it is no NIfTI file.
+pub fn check_magic(head: &[u8]) -> Result<(), ReadError> {
+    if head.starts_with(&GZIP_MAGIC) { Ok(()) } else { sniff(head).map(|_| ()) }
+}
+
+/// Reads no further than the header of the file at `path`.
+///
+/// # Errors
+/// When the header alone shows that [`read`] will fail.
+pub fn check_header(path: &Path, limits: InputLimits) -> Result<(), ReadError> {
+    let file = File::open(path).map_err(ReadError::Io)?;
+    let mut stream = Stream::open(file, limits.max_decompressed_bytes)?;
+    let (raw, layout, _) = read_header(&mut stream, limits)?;
+    world_from_voxel(&raw, layout.dims, &mut Vec::new()).map(|_| ())
 }
 
 fn read_header<R: Read>(

@@ -31,3 +31,23 @@ mod pipeline_shapes;
 mod pipeline_input;
 
 mod pipeline_stages;
+
+mod cli_serve;
+
+mod support;
+
+mod api_submit;
+
+mod api_jobs;
+
+mod api_results;
+
+mod api_store;
+
+mod api_restart;
+
+mod api_wire;
+
+mod api_document;
+
+mod tidy;

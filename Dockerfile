@@ -1,0 +1,40 @@
+# The image holds one static program and one writable folder, /data. No shell, no libraries, no root.
+
+FROM docker.io/library/rust:1.95-slim-bookworm AS build
+WORKDIR /build
+# Static, so that the last stage needs nothing. The target is named so that these flags are not
+# used for what runs during the build.
+ENV RUSTFLAGS="-C target-feature=+crt-static" CARGO_TERM_COLOR=never
+RUN rustc -vV | sed -n 's/^host: //p' > /target && mkdir -p /empty
+
+# Dependencies in a layer of their own: they change seldom and take most of the time.
+COPY Cargo.toml Cargo.lock ./
+RUN mkdir src \
+    && echo '//! Nothing yet.' > src/lib.rs \
+    && echo 'fn main() {}' > src/main.rs \
+    && cargo build --release --locked --target "$(cat /target)" \
+    && rm -r src
+
+COPY migrations migrations
+COPY src src
+RUN touch src/lib.rs src/main.rs \
+    && cargo build --release --locked --target "$(cat /target)" \
+    && cp "target/$(cat /target)/release/medialrep" /medialrep \
+    && strip /medialrep
+
+FROM scratch
+COPY --from=build /medialrep /medialrep
+COPY --from=build --chown=65532:65532 /empty /data
+USER 65532:65532
+# The container's network decides who reaches the port: publish it to 127.0.0.1 or put a proxy that
+# asks who is there in front of it.
+ENV MEDIALREP_LISTEN=0.0.0.0:8080 \
+    MEDIALREP_ALLOW_UNAUTHENTICATED=true \
+    MEDIALREP_DATA_DIR=/data \
+    MEDIALREP_LOG_FORMAT=json
+VOLUME ["/data"]
+EXPOSE 8080
+STOPSIGNAL SIGTERM
+HEALTHCHECK --interval=10s --timeout=6s --start-period=5s CMD ["/medialrep", "probe"]
+ENTRYPOINT ["/medialrep"]
+CMD ["serve"]

@@ -1,0 +1,31 @@
+# What one does here. `make run` and `make test` are all that a newcomer needs.
+
+.PHONY: run test lint openapi image-check deny clean
+
+# The service on 127.0.0.1:8080, with a sample job already sent.
+run:
+	@scripts/run.sh
+
+# Everything, with a closing count.
+test:
+	@scripts/test.sh
+
+lint:
+	cargo fmt --check
+	cargo clippy --locked --all-targets -- -D warnings
+
+# Writes openapi.yaml anew; a test holds it equal to the routes.
+openapi:
+	cargo run --quiet --locked -- openapi > openapi.yaml.new && mv openapi.yaml.new openapi.yaml
+
+# Builds the image and runs a job through it; needs root, no registry of images.
+image-check:
+	@scripts/image-check.sh
+
+# Licences, advisories and sources of all dependencies; needs cargo-deny.
+deny:
+	cargo deny --locked check
+
+clean:
+	cargo clean
+	rm -rf data tests/tools/node_modules

@@ -1,0 +1,54 @@
+#!/usr/bin/env bash
+# Starts the service with a job already sent through its own API, and says what to try.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+listen=${MEDIALREP_LISTEN:-127.0.0.1:8080}
+url=http://$listen
+sample=${SAMPLE:-leaf}
+
+command -v curl >/dev/null || { echo "make run: needs curl" >&2; exit 1; }
+cargo build --release --locked
+program=${CARGO_TARGET_DIR:-target}/release/medialrep
+mkdir -p -m 700 data
+mask=data/$sample.nii.gz
+"$program" sample "$sample" --out "$mask"
+
+RUST_LOG=${RUST_LOG:-warn} "$program" serve --listen "$listen" --data-dir data &
+server=$!
+trap 'kill "$server" 2>/dev/null; wait "$server" 2>/dev/null; exit 0' INT TERM
+trap 'kill "$server" 2>/dev/null || true' EXIT
+
+for _ in $(seq 100); do
+    curl -sf "$url/readyz" >/dev/null && break
+    kill -0 "$server" 2>/dev/null || { wait "$server"; exit 1; }
+    sleep 0.1
+done
+
+job=$(curl -sf -D - -o /dev/null --data-binary "@$mask" "$url/v1/jobs" | tr -d '\r' | sed -n 's/^[Ll]ocation: //p')
+state=queued
+for _ in $(seq 300); do
+    state=$(curl -sf "$url$job" | sed -n 's/.*"state":"\([a-z]*\)".*/\1/p')
+    case $state in queued | running) sleep 0.1 ;; *) break ;; esac
+done
+
+cat <<END
+
+medialrep is running at $url
+
+A sample ($sample) was sent; its job has $state:
+  $url$job
+
+Try:
+  curl $url$job                                        # the job: state, progress, results
+  curl -OJ $url$job/results/model.glb                  # meshes, for any glTF viewer
+  curl $url$job/results/thickness.json                 # sheets, surfaces, thickness vectors
+  curl -i --data-binary @$mask $url/v1/jobs            # send a mask
+  curl -F mask=@$mask -F 'params={"grid":"auto"}' $url/v1/jobs
+  curl $url/v1/jobs                                    # all jobs
+  curl -X DELETE $url$job                              # erase a job, its mask and results
+  curl $url/openapi.yaml                               # everything else
+
+Ctrl-C stops it; jobs stay in ./data.
+END
+wait "$server"

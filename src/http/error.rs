@@ -1,0 +1,152 @@
+//! Every error as `application/problem+json`, with its status: the one place that knows both.
+
+use std::any::Any;
+use std::io;
+
+use axum::body::Body;
+use axum::http::header::{CONTENT_TYPE, RETRY_AFTER};
+use axum::http::{HeaderValue, Method, Response, StatusCode, Uri};
+use axum::response::IntoResponse;
+
+use crate::formats::params_json::ParamsJsonError;
+use crate::jobs::job::JobState;
+use crate::jobs::queue::JobsError;
+use crate::jobs::store::StoreError;
+use crate::jobs::upload::UploadError;
+use crate::problem::Problem;
+
+/// Media type of a problem object.
+pub const PROBLEM_JSON: &str = "application/problem+json";
+/// When to try again after the queue was full, seconds.
+const RETRY_AFTER_S: u32 = 5;
+
+/// A problem as an answer.
+#[derive(Debug)]
+pub struct ApiError(Box<Problem>);
+
+impl From<Problem> for ApiError {
+    fn from(problem: Problem) -> Self {
+        Self(Box::new(problem))
+    }
+}
+
+impl IntoResponse for ApiError {
+    fn into_response(self) -> Response<Body> {
+        let status = StatusCode::from_u16(self.0.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
+        let is_retryable = self.0.retryable;
+        let mut response = (status, axum::Json(*self.0)).into_response();
+        let headers = response.headers_mut();
+        headers.insert(CONTENT_TYPE, HeaderValue::from_static(PROBLEM_JSON));
+        if is_retryable {
+            headers.insert(RETRY_AFTER, RETRY_AFTER_S.into());
+        }
+        response
+    }
+}
+
+impl From<JobsError> for ApiError {
+    fn from(error: JobsError) -> Self {
+        match error {
+            JobsError::NotFound => no_such_job(),
+            JobsError::NoSuchResult { state } => no_such_result(state),
+            JobsError::AlreadyEnded(state) => {
+                let detail = format!("the job has {}", state.name());
+                Problem::new(409, "job_ended", detail).hint("delete it to erase its mask and results").into()
+            }
+            JobsError::Refused(problem) => Self(problem),
+            JobsError::Store(StoreError::QueueFull) => {
+                Problem::new(503, "queue_full", "as many jobs wait as this server lets wait")
+                    .hint("send it again after the time in Retry-After")
+                    .into()
+            }
+            JobsError::Store(StoreError::Database(error)) if is_full(&error) => storage_full(),
+            JobsError::Files(error) => files_failed(&error),
+            other @ (JobsError::Store(_) | JobsError::Task(_)) => internal(&other),
+        }
+    }
+}
+
+impl From<UploadError> for ApiError {
+    fn from(error: UploadError) -> Self {
+        match error {
+            UploadError::Empty => {
+                Problem::new(400, "empty_upload", "the upload has no bytes").hint("send the mask as the body").into()
+            }
+            UploadError::TooLarge { limit } => too_large(limit),
+            UploadError::Refused(problem) => Self(problem),
+            UploadError::Interrupted => {
+                Problem::new(400, "upload_interrupted", "the upload ended early or its framing is malformed")
+                    .hint("send it again")
+                    .into()
+            }
+            UploadError::TooSlow => Problem::new(408, "upload_too_slow", "the upload paused or took too long")
+                .hint("send it again over a faster line, or compressed (.nii.gz)")
+                .into(),
+            UploadError::Storage(error) => files_failed(&error),
+        }
+    }
+}
+
+impl From<ParamsJsonError> for ApiError {
+    fn from(error: ParamsJsonError) -> Self {
+        Problem::from(&error).into()
+    }
+}
+
+/// An upload above the limit.
+pub fn too_large(limit_bytes: u64) -> ApiError {
+    Problem::new(413, "upload_too_large", format!("the upload is larger than {limit_bytes} bytes"))
+        .hint("send it compressed (.nii.gz), or crop it to the labels wanted")
+        .into()
+}
+
+/// A job that is not there. Says the same for an id that never was and one that is malformed.
+pub fn no_such_job() -> ApiError {
+    Problem::new(404, "no_such_job", "there is no job of this id").hint("it may have been deleted").into()
+}
+
+fn no_such_result(state: JobState) -> ApiError {
+    Problem::new(404, "no_such_result", format!("the job ({}) has no result of this name", state.name()))
+        .hint("names are listed under results once the job has succeeded")
+        .into()
+}
+
+fn files_failed(error: &io::Error) -> ApiError {
+    if matches!(error.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded) {
+        tracing::error!(%error, "the data directory is full");
+        return storage_full();
+    }
+    internal(&error)
+}
+
+fn storage_full() -> ApiError {
+    Problem::new(507, "storage_full", "the server has no room for more").hint("delete jobs, or try later").into()
+}
+
+fn is_full(error: &sqlx::Error) -> bool {
+    // SQLITE_FULL.
+    error.as_database_error().and_then(|e| e.code()).is_some_and(|code| code == "13")
+}
+
+/// Our fault: logged here, once; the client is told nothing of the inside.
+fn internal(error: &dyn std::fmt::Display) -> ApiError {
+    tracing::error!(%error, "request failed");
+    Problem::internal().into()
+}
+
+/// Answer for a path that is no route.
+pub async fn no_such_route(uri: Uri) -> ApiError {
+    let detail = if uri.path().starts_with("/v1/") { "there is nothing at this path" } else { "there is no such page" };
+    Problem::new(404, "no_such_route", detail).hint("GET / says what is where, GET /openapi.yaml in full").into()
+}
+
+/// Answer for a route that has no such method.
+pub async fn wrong_method(method: Method) -> ApiError {
+    let detail = format!("{method} is not allowed here");
+    Problem::new(405, "method_not_allowed", detail).hint("the Allow header says what is").into()
+}
+
+/// Answer when a handler panicked.
+pub fn handler_panicked(_payload: Box<dyn Any + Send>) -> Response<Body> {
+    ApiError::from(Problem::internal()).into_response()
+}

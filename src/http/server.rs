@@ -1,0 +1,95 @@
+//! The service under way: accepts connections until it is told to stop, then lets what runs end.
+
+use std::future::Future;
+use std::pin::pin;
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::Router;
+use hyper::server::conn::http1;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::server::graceful::GracefulShutdown;
+use hyper_util::service::TowerToHyperService;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::time::{sleep, timeout};
+
+use super::router;
+use crate::config::{ConnectionLimits, ServeConfig};
+use crate::jobs::queue::{Jobs, OpenError};
+use crate::jobs::worker::{Processor, Workers};
+
+/// Pause after a connection could not be accepted (out of file descriptors, say).
+const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
+
+/// Runs the service on `listener` until `shutdown` is ready, and returns once everything is at
+/// rest: no connection, no job running.
+///
+/// # Errors
+/// When the data directory cannot be opened.
+pub async fn run(
+    listener: TcpListener,
+    config: &ServeConfig,
+    processor: &Processor,
+    shutdown: impl Future<Output = ()>,
+) -> Result<(), OpenError> {
+    let jobs = Arc::new(Jobs::open(&config.data_dir, config.jobs).await?);
+    let workers = Workers::start(&jobs, processor, config.workers);
+    let router = router(jobs);
+    let connections = accept(listener, router, config.connections, shutdown).await;
+    tracing::info!(drain_seconds = config.drain.as_secs(), "stopping");
+    let _ = tokio::join!(workers.drain(config.drain), timeout(config.drain, connections.shutdown()));
+    tracing::info!("stopped");
+    Ok(())
+}
+
+/// The framework's own loop has no timeout for headers and no bound on connections.
+async fn accept(
+    listener: TcpListener,
+    router: Router,
+    limits: ConnectionLimits,
+    shutdown: impl Future<Output = ()>,
+) -> GracefulShutdown {
+    let connections = GracefulShutdown::new();
+    let slots = Arc::new(Semaphore::new(limits.max_connections));
+    let mut shutdown = pin!(shutdown);
+    loop {
+        let next = async {
+            let slot = Arc::clone(&slots).acquire_owned().await;
+            (slot, listener.accept().await)
+        };
+        tokio::select! {
+            () = &mut shutdown => return connections,
+            accepted = next => match accepted {
+                (Ok(slot), Ok((stream, _))) => serve(stream, router.clone(), limits, &connections, slot),
+                (_, Err(error)) => {
+                    tracing::warn!(%error, "connection not accepted");
+                    sleep(ACCEPT_PAUSE).await;
+                }
+                (Err(_), _) => return connections,
+            }
+        }
+    }
+}
+
+fn serve(
+    stream: TcpStream,
+    router: Router,
+    limits: ConnectionLimits,
+    connections: &GracefulShutdown,
+    slot: OwnedSemaphorePermit,
+) {
+    // Status answers are small: waiting to fill a packet would only delay them.
+    let _ = stream.set_nodelay(true);
+    let connection = http1::Builder::new()
+        .timer(TokioTimer::new())
+        .header_read_timeout(limits.header_read)
+        .max_buf_size(limits.buffer_bytes)
+        .serve_connection(TokioIo::new(stream), TowerToHyperService::new(router));
+    let connection = connections.watch(connection);
+    tokio::spawn(async move {
+        // A client that goes away is no event.
+        let _ = connection.await;
+        drop(slot);
+    });
+}

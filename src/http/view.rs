@@ -1,0 +1,170 @@
+//! Jobs as JSON: what clients see.
+
+use serde::Serialize;
+use serde_json::value::RawValue;
+
+use super::params_schema::ParamsSchema;
+use crate::jobs::job::{Job, JobState, JobWarning, MaskInfo, ResultFile};
+use crate::jobs::queue::{JobStatus, Progress};
+use crate::problem::Problem;
+
+/// A job.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[schema(as = Job)]
+pub struct JobView {
+    /// UUIDv7; ids ascend in order of arrival.
+    #[schema(format = "uuid")]
+    id: String,
+    /// Where the job stands. `succeeded`, `failed` and `canceled` are for ever.
+    state: JobState,
+    /// How far the run is; null unless running.
+    #[schema(required)]
+    progress: Option<ProgressView>,
+    /// 1 for the next to run; null unless queued.
+    #[schema(required)]
+    queue_position: Option<u64>,
+    /// Runs begun. More than 1 when the server stopped during a run.
+    attempt: u32,
+    /// Whether the client asked to stop it.
+    cancel_requested: bool,
+    /// When it was accepted, RFC 3339.
+    #[schema(format = DateTime)]
+    created_at: String,
+    /// When its last run began, RFC 3339.
+    #[schema(required, format = DateTime)]
+    started_at: Option<String>,
+    /// When it ended, RFC 3339.
+    #[schema(required, format = DateTime)]
+    ended_at: Option<String>,
+    /// Why it failed; null unless failed.
+    #[schema(required)]
+    error: Option<Problem>,
+    /// What a reader of the results should know.
+    warnings: Vec<JobWarning>,
+    /// The files it left; empty unless succeeded.
+    results: Vec<ResultView>,
+    /// Parameters as sent.
+    #[schema(value_type = ParamsSchema)]
+    params: Box<RawValue>,
+    /// What was uploaded.
+    mask: MaskInfo,
+    /// Where to go from here.
+    links: Links,
+}
+
+/// How far a run is.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[schema(as = Progress)]
+pub struct ProgressView {
+    /// The stage: read, distance, skeleton, sheets, sides, isomap, lattice, spokes, quality.
+    stage: &'static str,
+    /// Share of the whole run, 0 to 1.
+    #[schema(minimum = 0, maximum = 1)]
+    fraction: f64,
+    /// The structure worked on, from 0.
+    structure: usize,
+    /// Structures in all, 0 while the file is read.
+    structures: usize,
+}
+
+/// A file that a job left.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[schema(as = Result)]
+pub struct ResultView {
+    /// File name.
+    name: String,
+    /// Where to get it.
+    href: String,
+    /// Media type.
+    media_type: String,
+    /// Size.
+    bytes: u64,
+    /// SHA-256 of the content, lower-case hex; also its ETag.
+    sha256: String,
+}
+
+/// Where to go from a job.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+pub struct Links {
+    /// The job: GET, DELETE.
+    #[serde(rename = "self")]
+    itself: String,
+    /// POST here to stop it; null once it has ended.
+    #[schema(required)]
+    cancel: Option<String>,
+}
+
+/// Jobs, newest first.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+pub struct JobList {
+    /// The jobs.
+    jobs: Vec<JobView>,
+    /// Give this as `cursor` for the next page; null on the last.
+    #[schema(required)]
+    next_cursor: Option<String>,
+}
+
+impl JobList {
+    /// A page, with whether more follow it.
+    pub fn new(page: Vec<JobStatus>, has_more: bool) -> Self {
+        let last = page.last().filter(|_| has_more);
+        Self {
+            next_cursor: last.map(|status| status.job.id.to_string()),
+            jobs: page.into_iter().map(Into::into).collect(),
+        }
+    }
+
+    /// The cursor of the next page.
+    pub fn next_cursor(&self) -> Option<&str> {
+        self.next_cursor.as_deref()
+    }
+}
+
+impl JobView {
+    /// The path of the job.
+    pub fn path(&self) -> &str {
+        &self.links.itself
+    }
+}
+
+impl From<JobStatus> for JobView {
+    fn from(status: JobStatus) -> Self {
+        let JobStatus { job, progress, queue_position } = status;
+        let Job { id, state, attempt, cancel_requested, mask, params_json, .. } = job;
+        let itself = format!("/v1/jobs/{id}");
+        let cancel = (!state.has_ended()).then(|| format!("{itself}/cancel"));
+        Self {
+            id: id.to_string(),
+            state,
+            progress: progress.map(Into::into),
+            queue_position,
+            attempt,
+            cancel_requested,
+            created_at: job.created_at.to_string(),
+            started_at: job.started_at.map(|time| time.to_string()),
+            ended_at: job.ended_at.map(|time| time.to_string()),
+            error: job.error,
+            warnings: job.warnings,
+            results: job.results.into_iter().map(|file| result_view(&itself, file)).collect(),
+            params: RawValue::from_string(params_json).unwrap_or_default(),
+            mask,
+            links: Links { itself, cancel },
+        }
+    }
+}
+
+impl From<Progress> for ProgressView {
+    fn from(progress: Progress) -> Self {
+        Self {
+            stage: progress.stage.map_or("read", |stage| stage.name()),
+            fraction: progress.fraction,
+            structure: progress.structure,
+            structures: progress.structures,
+        }
+    }
+}
+
+fn result_view(job: &str, file: ResultFile) -> ResultView {
+    let ResultFile { name, media_type, bytes, sha256 } = file;
+    ResultView { href: format!("{job}/results/{name}"), name, media_type, bytes, sha256 }
+}

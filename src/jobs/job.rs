@@ -1,0 +1,176 @@
+//! A job: its identity, its states, and what is known about it.
+
+use std::fmt;
+
+use jiff::Timestamp;
+use serde::{Deserialize, Serialize};
+use uuid::Uuid;
+
+use crate::formats::params_json::{self, ParamsJsonError};
+use crate::pipeline::params::CheckedParams;
+use crate::problem::Problem;
+
+/// Names a job. UUIDv7: ids ascend in order of arrival and cannot be guessed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct JobId(Uuid);
+
+impl JobId {
+    /// A new id, greater than all that this process made before.
+    #[must_use]
+    pub fn now() -> Self {
+        Self(Uuid::now_v7())
+    }
+
+    /// Reads the canonical form: 36 characters, lower case, hyphens. Nothing else names a job, so
+    /// that a job has one address.
+    #[must_use]
+    pub fn parse(text: &str) -> Option<Self> {
+        let id = Self(Uuid::try_parse(text).ok()?);
+        (id.to_string() == text).then_some(id)
+    }
+}
+
+impl fmt::Display for JobId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.hyphenated().fmt(f)
+    }
+}
+
+/// Where a job stands. Legal moves: queued → running, canceled; running → succeeded, failed,
+/// canceled, and back to queued when its worker is gone. The last three are for ever.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum JobState {
+    /// Waits for a worker.
+    Queued,
+    /// A worker has it.
+    Running,
+    /// Ended with results.
+    Succeeded,
+    /// Ended with an error.
+    Failed,
+    /// Ended because its client asked for it.
+    Canceled,
+}
+
+impl JobState {
+    /// All states.
+    pub const ALL: [Self; 5] = [Self::Queued, Self::Running, Self::Succeeded, Self::Failed, Self::Canceled];
+
+    /// The name used in the API and in the store.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Queued => "queued",
+            Self::Running => "running",
+            Self::Succeeded => "succeeded",
+            Self::Failed => "failed",
+            Self::Canceled => "canceled",
+        }
+    }
+
+    /// The state of this name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|state| state.name() == name)
+    }
+
+    /// Whether nothing more will happen.
+    #[must_use]
+    pub fn has_ended(self) -> bool {
+        matches!(self, Self::Succeeded | Self::Failed | Self::Canceled)
+    }
+}
+
+/// What was uploaded.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct MaskInfo {
+    /// SHA-256 of the bytes as sent, lower-case hex.
+    pub sha256: String,
+    /// Bytes as sent.
+    pub bytes: u64,
+}
+
+/// A file that a job left.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ResultFile {
+    /// File name, as in the contract.
+    pub name: String,
+    /// Media type.
+    pub media_type: String,
+    /// Size.
+    pub bytes: u64,
+    /// SHA-256 of the content, lower-case hex.
+    pub sha256: String,
+}
+
+/// Something about a result that its reader should know.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct JobWarning {
+    /// Stable code, snake case.
+    pub code: String,
+    /// One sentence.
+    pub message: String,
+}
+
+/// Parameters as a client sent them, and what they mean.
+#[derive(Clone, Debug)]
+pub struct RequestedParams {
+    json: String,
+    checked: CheckedParams,
+}
+
+impl RequestedParams {
+    /// Reads a JSON object; nothing at all means all defaults.
+    ///
+    /// # Errors
+    /// When the text is no JSON object, names an unknown parameter or holds a value out of range.
+    pub fn parse(json: Option<&[u8]>) -> Result<Self, ParamsJsonError> {
+        let bytes = json.unwrap_or(b"{}");
+        let checked = params_json::parse(bytes)?;
+        Ok(Self { json: String::from_utf8_lossy(bytes).into_owned(), checked })
+    }
+
+    /// The JSON text as sent.
+    #[must_use]
+    pub fn json(&self) -> &str {
+        &self.json
+    }
+
+    /// What it means.
+    #[must_use]
+    pub fn checked(&self) -> &CheckedParams {
+        &self.checked
+    }
+}
+
+/// Everything the store knows of a job that a client may see.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// Its id.
+    pub id: JobId,
+    /// Where it stands.
+    pub state: JobState,
+    /// Runs begun, this one included.
+    pub attempt: u32,
+    /// Whether its client asked to stop it.
+    pub cancel_requested: bool,
+    /// What was uploaded.
+    pub mask: MaskInfo,
+    /// Parameters as sent.
+    pub params_json: String,
+    /// When it was accepted.
+    pub created_at: Timestamp,
+    /// When its last run began.
+    pub started_at: Option<Timestamp>,
+    /// When it ended.
+    pub ended_at: Option<Timestamp>,
+    /// Why it failed.
+    pub error: Option<Problem>,
+    /// Warnings of the run.
+    pub warnings: Vec<JobWarning>,
+    /// What it left.
+    pub results: Vec<ResultFile>,
+    /// The attempt whose files are published.
+    pub results_token: Option<String>,
+}

@@ -1,0 +1,187 @@
+//! Receives a mask: streamed to disk, counted, hashed and sniffed on the way, so that memory
+//! stays the size of one chunk and a refusal comes as early as the bytes allow.
+
+use std::future::Future;
+use std::io;
+use std::path::Path;
+use std::time::Duration;
+
+use bytes::Bytes;
+use futures_util::{Stream, StreamExt};
+use sha2::{Digest, Sha256};
+use tempfile::TempPath;
+use tokio::io::AsyncWriteExt;
+use tokio::time::{Instant, timeout, timeout_at};
+
+use super::blobs::Blobs;
+use super::job::MaskInfo;
+use super::process::InputLimits;
+use crate::formats::nifti::{MAGIC_BYTES, check_header, check_magic};
+use crate::formats::{ReadError, hex};
+use crate::problem::Problem;
+
+/// What is still read of a refused upload, so that a client that writes before it reads gets the
+/// answer instead of a reset connection.
+const DISCARD_BYTES: usize = 1 << 20;
+/// How long that may take.
+const DISCARD_TIME: Duration = Duration::from_secs(2);
+
+/// Bounds on an upload.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct UploadLimits {
+    /// Bytes as sent.
+    pub max_bytes: u64,
+    /// Longest wait for the next bytes.
+    pub idle: Duration,
+    /// Longest time for the whole.
+    pub total: Duration,
+}
+
+/// Why an upload was refused.
+#[derive(Debug, thiserror::Error)]
+pub enum UploadError {
+    /// Not one byte.
+    #[error("the upload is empty")]
+    Empty,
+    /// More bytes than allowed.
+    #[error("the upload is larger than {limit} bytes")]
+    TooLarge {
+        /// Bytes allowed.
+        limit: u64,
+    },
+    /// Its first bytes are those of something else.
+    #[error("{}", .0.code)]
+    Refused(Box<Problem>),
+    /// The connection broke, or the body was malformed.
+    #[error("the upload ended early or was malformed")]
+    Interrupted,
+    /// The bytes came too slowly.
+    #[error("the upload took too long")]
+    TooSlow,
+    /// It could not be written.
+    #[error("the upload could not be stored: {0}")]
+    Storage(#[from] io::Error),
+}
+
+/// An upload on disk, synced, not yet a job's; the file vanishes when this is dropped.
+#[derive(Debug)]
+pub struct Received {
+    /// The file.
+    pub file: TempPath,
+    /// What it is.
+    pub mask: MaskInfo,
+}
+
+/// Writes `body` to a new file among the incoming ones.
+///
+/// # Errors
+/// As [`UploadError`]; nothing is left on disk then.
+pub async fn receive<S, E>(blobs: &Blobs, limits: UploadLimits, mut body: S) -> Result<Received, UploadError>
+where
+    S: Stream<Item = Result<Bytes, E>> + Unpin,
+{
+    let received = receive_all(blobs, limits, &mut body).await;
+    if matches!(received, Err(UploadError::TooLarge { .. } | UploadError::Refused(_))) {
+        discard(&mut body).await;
+    }
+    received
+}
+
+async fn receive_all<S, E>(blobs: &Blobs, limits: UploadLimits, body: &mut S) -> Result<Received, UploadError>
+where
+    S: Stream<Item = Result<Bytes, E>> + Unpin,
+{
+    let (file, path) = blobs.begin_upload()?.into_parts();
+    let mut file = tokio::fs::File::from_std(file);
+    let mut progress = Incoming::default();
+    let deadline = Instant::now() + limits.total;
+    while let Some(chunk) = next_chunk(body, limits.idle, deadline).await? {
+        progress.take(&chunk, limits.max_bytes)?;
+        file.write_all(&chunk).await?;
+    }
+    let mask = progress.finish()?;
+    file.flush().await?;
+    file.sync_all().await?;
+    Ok(Received { file: path, mask })
+}
+
+async fn next_chunk<S, E>(body: &mut S, idle: Duration, deadline: Instant) -> Result<Option<Bytes>, UploadError>
+where
+    S: Stream<Item = Result<Bytes, E>> + Unpin,
+{
+    let next: Result<_, _> = timeout_at(deadline, within(idle, body.next())).await;
+    let chunk = next.map_err(|_| UploadError::TooSlow)??;
+    chunk.transpose().map_err(|_| UploadError::Interrupted)
+}
+
+async fn within<T>(idle: Duration, next: impl Future<Output = T>) -> Result<T, UploadError> {
+    timeout(idle, next).await.map_err(|_| UploadError::TooSlow)
+}
+
+async fn discard<S, E>(body: &mut S)
+where
+    S: Stream<Item = Result<Bytes, E>> + Unpin,
+{
+    let read = async {
+        let mut bytes = 0;
+        while bytes < DISCARD_BYTES {
+            match body.next().await {
+                Some(Ok(chunk)) => bytes += chunk.len(),
+                _ => break,
+            }
+        }
+    };
+    // A client that sends nothing more has nothing to be read.
+    let _ = timeout(DISCARD_TIME, read).await;
+}
+
+/// What came so far.
+#[derive(Default)]
+struct Incoming {
+    head: Vec<u8>,
+    bytes: u64,
+    hash: Sha256,
+}
+
+impl Incoming {
+    fn take(&mut self, chunk: &[u8], max_bytes: u64) -> Result<(), UploadError> {
+        self.bytes += chunk.len() as u64;
+        if self.bytes > max_bytes {
+            return Err(UploadError::TooLarge { limit: max_bytes });
+        }
+        if self.head.len() < MAGIC_BYTES {
+            self.head.extend(chunk.iter().take(MAGIC_BYTES - self.head.len()));
+            if self.head.len() == MAGIC_BYTES {
+                self.check_magic()?;
+            }
+        }
+        self.hash.update(chunk);
+        Ok(())
+    }
+
+    fn finish(self) -> Result<MaskInfo, UploadError> {
+        if self.bytes == 0 {
+            return Err(UploadError::Empty);
+        }
+        self.check_magic()?;
+        Ok(MaskInfo { sha256: hex(&self.hash.finalize()), bytes: self.bytes })
+    }
+
+    fn check_magic(&self) -> Result<(), UploadError> {
+        check_magic(&self.head).map_err(|error| UploadError::Refused(Box::new(Problem::from(&error))))
+    }
+}
+
+/// Looks at a received file before its job is accepted; what is found here is told at once
+/// instead of in a failed job. Blocks.
+///
+/// # Errors
+/// When the header shows that the job would fail, or cannot be read.
+pub fn preflight(path: &Path, limits: InputLimits) -> Result<(), Box<Problem>> {
+    check_header(path, limits).map_err(|error| {
+        if let ReadError::Io(error) = &error {
+            tracing::error!(%error, "a received file cannot be read");
+        }
+        Box::new(Problem::from(&error))
+    })
+}

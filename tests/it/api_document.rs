@@ -1,0 +1,68 @@
+//! openapi.yaml: written by the program, true to the routes.
+
+use axum::http::Method;
+use medialrep::http::openapi_yaml;
+
+use crate::support::Server;
+
+const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/openapi.yaml");
+
+#[test]
+fn the_file_is_what_the_program_writes() {
+    if std::env::var_os("UPDATE").is_some() {
+        std::fs::write(FILE, openapi_yaml()).unwrap();
+    }
+    let file = std::fs::read_to_string(FILE).unwrap();
+    assert!(file == openapi_yaml(), "openapi.yaml is out of date: UPDATE=1 cargo test the_file_is");
+}
+
+/// Methods and paths of the document: its keys at these depths.
+fn operations() -> Vec<(Method, String)> {
+    let yaml = openapi_yaml();
+    let paths = yaml.split("\npaths:\n").nth(1).unwrap();
+    let (mut path, mut found) = (String::new(), Vec::new());
+    for line in paths.lines().take_while(|line| line.starts_with(' ')) {
+        if let Some(key) = line.strip_prefix("  ").filter(|rest| rest.starts_with('/')) {
+            path = key.trim_end_matches(':').to_owned();
+        } else if let Some(key) = line.strip_prefix("    ").filter(|rest| rest.starts_with(char::is_alphabetic)) {
+            found.push((key.trim_end_matches(':').to_uppercase().parse().unwrap(), path.clone()));
+        }
+    }
+    found
+}
+
+#[tokio::test]
+async fn every_route_in_the_document_is_served() {
+    let server = Server::without_workers().await;
+    let operations = operations();
+    assert_eq!(operations.len(), 10, "{operations:?}");
+    for (method, path) in operations {
+        let answer = server.call(method.clone(), &path.replace("{id}", "1").replace("{name}", "x")).await;
+        let text = answer.text();
+        assert!(!text.contains("no_such_route") && !text.contains("method_not_allowed"), "{method} {path}: {text}");
+    }
+}
+
+#[test]
+fn every_answer_in_the_document_is_described() {
+    let yaml = openapi_yaml();
+    let blocks = yaml.split("\n        '").skip(1);
+    let lacking: Vec<_> = blocks.filter(|block| !block.contains("\n          description: ")).collect();
+    assert!(lacking.is_empty(), "{lacking:#?}");
+}
+
+#[tokio::test]
+async fn the_document_is_served() {
+    let server = Server::without_workers().await;
+    let answer = server.get("/openapi.yaml").await;
+    assert_eq!((answer.header("content-type"), answer.text()), ("application/yaml", openapi_yaml()));
+}
+
+#[tokio::test]
+async fn every_path_that_the_front_page_names_is_in_the_document() {
+    let server = Server::without_workers().await;
+    let index = server.get("/").await.text();
+    for (_, path) in operations().iter().filter(|(_, path)| path != "/") {
+        assert!(index.contains(path.as_str()), "{path}");
+    }
+}

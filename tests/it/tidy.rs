@@ -1,0 +1,86 @@
+//! What the modules never do. A rule without a test is a wish.
+
+use std::path::{Path, PathBuf};
+
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+const MAX_LINES: usize = 800;
+
+fn sources(under: &str) -> Vec<(PathBuf, String)> {
+    let mut files = Vec::new();
+    walk(&Path::new(ROOT).join(under), &mut files);
+    files
+}
+
+fn walk(folder: &Path, files: &mut Vec<(PathBuf, String)>) {
+    let Ok(entries) = std::fs::read_dir(folder) else { return };
+    for entry in entries {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            walk(&path, files);
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            let text = std::fs::read_to_string(&path).unwrap();
+            files.push((path, text));
+        }
+    }
+}
+
+/// Code without comments: those may name anything.
+fn code(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    text.lines().enumerate().map(|(at, line)| (at + 1, line.split("//").next().unwrap_or_default()))
+}
+
+fn check_never(under: &[&str], names: &[&str]) {
+    let named = |line: &str| names.iter().any(|name| line.contains(name));
+    let found: Vec<_> = under
+        .iter()
+        .flat_map(|under| sources(under))
+        .flat_map(|(path, text)| {
+            let lines: Vec<_> = code(&text)
+                .filter(|(_, line)| named(line))
+                .map(|(at, line)| format!("{}:{at}: {line}", path.display()))
+                .collect();
+            lines
+        })
+        .collect();
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}
+
+#[test]
+fn geometry_knows_no_files_no_network_and_no_clock_of_the_service() {
+    let names = [
+        "tokio",
+        "axum",
+        "serde",
+        "tracing::",
+        "std::fs",
+        "std::env",
+        "std::net",
+        "crate::formats",
+        "crate::jobs",
+        "crate::http",
+    ];
+    check_never(&["src/pipeline", "src/numerics", "src/space"], &names);
+}
+
+#[test]
+fn lower_layers_do_not_name_higher_ones() {
+    check_never(&["src/space"], &["crate::numerics", "crate::pipeline"]);
+    check_never(&["src/numerics"], &["crate::pipeline"]);
+    check_never(&["src/formats"], &["crate::jobs", "crate::http", "crate::cli", "tokio", "axum"]);
+    check_never(&["src/jobs"], &["axum", "crate::http", "crate::cli", "crate::config"]);
+    check_never(&["src/http"], &["crate::cli", "sqlx::query"]);
+}
+
+#[test]
+fn no_file_is_too_long() {
+    for (path, text) in sources("src").into_iter().chain(sources("tests")) {
+        assert!(text.lines().count() <= MAX_LINES, "{}", path.display());
+    }
+}
+
+#[test]
+fn tests_are_never_ignored() {
+    for (path, text) in sources("src").into_iter().chain(sources("tests")) {
+        assert!(!text.contains(concat!("#[", "ignore")), "{}", path.display());
+    }
+}
