@@ -308,7 +308,7 @@ fn automatic_size(region: &Region, spacing: Option<f64>) -> LatticeSize {
 
 /// The smooth outer surface of the mask in the world.
 fn object_mesh(solid: &Solid) -> TriangleMesh {
-    let mesh = zero_surface(&solid.level);
+    let mesh = zero_surface(&solid.level.0);
     let mut triangles = mesh.triangles;
     if solid.world_from_work.matrix().determinant() < 0.0 {
         triangles.iter_mut().for_each(|t| t.swap(1, 2));
