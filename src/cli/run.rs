@@ -201,7 +201,7 @@ mod tests {
             (Problem::from(&Refusal::EmptyMask), 3),
             (Problem::from(&label), 3),
             (Problem::from(&Refusal::TooSmall { points: 1, needed: 9 }), 4),
-            (Problem::from(&Refusal::NotADisc { reason: "a ring".to_owned() }), 4),
+            (Problem::from(&Refusal::TooManyPoints { points: 20_000, limit: 10_000 }), 4),
             (Problem::internal(), 1),
         ] {
             assert_eq!(exit_code(&problem), code, "{}", problem.code);

@@ -27,8 +27,8 @@ pub fn nearest_seed(dims: [usize; 3], spacing: [f64; 3], is_seed: impl Fn(usize)
             seed.as_mut_slice()[offset] = super::field::id(offset);
         }
     }
-    for axis in 0..3 {
-        sweep(&mut squared, &mut seed, axis, spacing[axis]);
+    for (axis, &spacing) in spacing.iter().enumerate() {
+        sweep(&mut squared, &mut seed, axis, spacing);
     }
     Nearest { squared, seed }
 }
@@ -128,7 +128,7 @@ mod tests {
     #[test]
     fn agrees_with_brute_force_on_anisotropic_voxels() {
         let (dims, spacing) = ([9, 7, 8], [1.0, 2.5, 0.7]);
-        let is_seed = |o: usize| (o * 7919 + 13) % 97 == 0;
+        let is_seed = |o: usize| (o * 7919 + 13).is_multiple_of(97);
         let found = nearest_seed(dims, spacing, is_seed);
         let count: usize = dims.iter().product();
         let squared = |a: usize, b: usize| -> f64 {

@@ -47,7 +47,7 @@ fn whole(matrix: DMatrix<f64>) -> Option<Leading> {
 /// matrices have small negative parts.
 fn iterate(matrix: &DMatrix<f64>) -> Option<Leading> {
     let size = matrix.nrows();
-    let mut block = DMatrix::from_fn(size, BLOCK, |r, c| start_entry(r, c));
+    let mut block = DMatrix::from_fn(size, BLOCK, start_entry);
     let mut before = [0.0; 2];
     for _ in 0..MAX_ROUNDS {
         let basis = (matrix * &block).qr().q();

@@ -17,11 +17,11 @@ use super::params::{LatticeKind, LatticeSize};
 /// are flattened.
 const FIT_RADIUS: f64 = 5.0;
 /// Rounds of sliding at most; 20 bring the spacing below 1 % of its mean on ellipses.
-const SLIDE_ROUNDS: usize = 60;
+const SLIDE_ROUNDS: usize = 30;
 /// Largest movement, as a share of the lattice, at which sliding ends.
-const SLIDE_TOLERANCE: f64 = 1e-4;
+const SLIDE_TOLERANCE: f64 = 5e-4;
 /// Pieces in which the length of an edge is measured.
-const EDGE_PIECES: usize = 4;
+const EDGE_PIECES: usize = 3;
 
 /// Nodes of a lattice in the plane, row-major.
 #[derive(Clone, Debug)]
@@ -184,8 +184,7 @@ impl<'a> SpaceFromPlane<'a> {
             let value = self.values.get(k).copied().unwrap_or(0.0);
             (self.flat[k], SVector::<f64, 4>::new(x.x, x.y, x.z, value))
         };
-        let radius_here = radius;
-        quadratic(p, radius_here, self.around(p, radius_here).map(sample))
+        quadratic(p, radius, self.around(p, radius).map(sample))
     }
 
     fn bare(&self, k: usize) -> Node {

@@ -41,6 +41,8 @@ pub mod quality;
 
 mod structure;
 
+use rayon::prelude::*;
+
 use crate::space::LabelVolume;
 use model::{Model, Structure};
 use observer::{Cancelled, Observer};
@@ -61,19 +63,20 @@ pub enum PipelineError {
 /// Runs all stages on every label asked for.
 ///
 /// One structure that is refused does not spoil the others: it is listed with its
-/// [`Refusal`]. Only when all are refused is the run.
+/// [`Refusal`]. Only when all are refused is the run. Structures run in parallel on the current
+/// rayon pool; each is computed on its own, so the result does not depend on the threads.
 ///
 /// # Errors
 /// When cancelled, when a label asked for is missing, or when every structure is refused.
 pub fn run(volume: &LabelVolume, params: &CheckedParams, observer: &dyn Observer) -> Result<Model, PipelineError> {
     let indices = label_indices(volume, params)?;
     let boxes = mask::label_boxes(volume);
-    let mut structures: Vec<Structure> = Vec::with_capacity(indices.len());
-    for (number, &index) in indices.iter().enumerate() {
+    let structure = |(number, &index): (usize, &u16)| {
         let bounds = boxes[usize::from(index)].ok_or(Refusal::EmptyMask)?;
         let work = structure::Work { volume, index, bounds, params, observer, number, count: indices.len() };
-        structures.push(work.run()?);
-    }
+        Ok::<Structure, PipelineError>(work.run()?)
+    };
+    let structures: Vec<Structure> = indices.par_iter().enumerate().map(structure).collect::<Result<_, _>>()?;
     match structures.iter().find_map(|s| s.refusal.clone()) {
         Some(refusal) if structures.iter().all(|s| s.refusal.is_some()) => Err(refusal.into()),
         _ => Ok(Model {

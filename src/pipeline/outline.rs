@@ -15,6 +15,9 @@ const PITCH: f64 = 0.5;
 /// Gaps between points up to twice this are part of the sheet, voxels. Neighbours on a staircase
 /// lie up to 1.8 apart.
 const CLOSING: f64 = 1.5;
+/// How far the sheet goes on beyond its outermost points on average, voxels: its true rim lies
+/// anywhere between them and the next voxel.
+const OVERHANG: f64 = 0.5;
 /// Standard deviation of the outline's smoothing, voxels: the rim of a voxel sheet is jagged by
 /// half a voxel.
 const OUTLINE_SIGMA: f64 = 1.0;
@@ -60,7 +63,8 @@ impl Region {
         let mut near = nearest_seed(dims, [1.0; 3], |o| has_point[o]).squared;
         let is_far = |o: usize| f64::from(near.as_slice()[o]) > reach * reach;
         let rim = nearest_seed(dims, [1.0; 3], is_far).squared;
-        let inside: Vec<bool> = rim.as_slice().iter().map(|d| f64::from(*d) > reach * reach).collect();
+        let shrink = reach - OVERHANG / PITCH;
+        let inside: Vec<bool> = rim.as_slice().iter().map(|d| f64::from(*d) > shrink * shrink).collect();
         let (inside, hole_share) = fill_holes(dims, inside);
         let soft = inside.iter().map(|m| f32::from(u8::from(*m))).collect();
         let mut level = Grid::from_vec(dims, soft).expect("one value per pixel");
@@ -241,48 +245,59 @@ fn corner(outline: &[Point2<f64>], centre: Point2<f64>, direction: Vector2<f64>,
     (farthest.unwrap_or(0), 0.0)
 }
 
-/// A piece of the outline by its length.
+/// A piece of the outline, read by the share of its length.
 #[derive(Clone, Debug)]
 struct Arc {
-    points: Vec<Point2<f64>>,
-    reached: Vec<f64>,
+    /// Points at equal lengths from one end to the other.
+    table: Vec<Vector2<f64>>,
 }
 
 impl Arc {
+    /// Entries of a table; a side of 500 voxels has one per voxel.
+    const ENTRIES: usize = 513;
+
     /// From one place on the outline on to another; a place is an edge and a share of it.
     fn between(outline: &[Point2<f64>], from: (usize, f64), to: (usize, f64)) -> Self {
         let count = outline.len();
-        let at = |(k, t): (usize, f64)| outline[k] + (outline[(k + 1) % count] - outline[k]) * t;
+        let at = |(k, t): (usize, f64)| outline[k].coords + (outline[(k + 1) % count] - outline[k]) * t;
         let mut points = vec![at(from)];
         let mut k = from.0;
         while k != to.0 && points.len() <= count {
             k = (k + 1) % count;
-            points.push(outline[k]);
+            points.push(outline[k].coords);
         }
         points.push(at(to));
-        Self::of(points)
+        Self::of(&points)
     }
 
-    fn of(points: Vec<Point2<f64>>) -> Self {
+    fn of(points: &[Vector2<f64>]) -> Self {
         let mut reached = vec![0.0];
         for pair in points.windows(2) {
             reached.push(reached[reached.len() - 1] + (pair[1] - pair[0]).norm());
         }
-        Self { points, reached }
+        let total = reached[reached.len() - 1];
+        let mut k = 1;
+        let mut entry = |n: usize| {
+            let wanted = total * n as f64 / (Self::ENTRIES - 1) as f64;
+            while k + 1 < points.len() && reached[k] < wanted {
+                k += 1;
+            }
+            let t = (wanted - reached[k - 1]) / (reached[k] - reached[k - 1]).max(1e-12);
+            points[k - 1] + (points[k] - points[k - 1]) * t.clamp(0.0, 1.0)
+        };
+        Self { table: (0..Self::ENTRIES).map(&mut entry).collect() }
     }
 
     fn reversed(mut self) -> Self {
-        self.points.reverse();
-        Self::of(self.points)
+        self.table.reverse();
+        self
     }
 
     /// The point at a share of the length, 0 to 1.
     fn at(&self, share: f64) -> Vector2<f64> {
-        let wanted = share.clamp(0.0, 1.0) * self.reached[self.reached.len() - 1];
-        let k = self.reached.partition_point(|r| *r < wanted).clamp(1, self.points.len() - 1);
-        let length = (self.reached[k] - self.reached[k - 1]).max(1e-12);
-        let t = (wanted - self.reached[k - 1]) / length;
-        self.points[k - 1].coords + (self.points[k] - self.points[k - 1]) * t
+        let x = share.clamp(0.0, 1.0) * (Self::ENTRIES - 1) as f64;
+        let k = floor_index(x).min(Self::ENTRIES - 2);
+        self.table[k] + (self.table[k + 1] - self.table[k]) * (x - k as f64)
     }
 }
 

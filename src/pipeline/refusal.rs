@@ -66,11 +66,13 @@ pub enum Refusal {
         /// Links in all.
         links: usize,
     },
-    /// The sheet has holes or closes on itself, so that it cannot be laid flat.
-    #[error("the medial sheet cannot be laid flat: {reason}")]
-    NotADisc {
-        /// What it is instead.
-        reason: String,
+    /// Exact ISOMAP would need more memory than is allowed.
+    #[error("exact ISOMAP of {points} points was asked for, at most {limit} are allowed")]
+    TooManyPoints {
+        /// Points of the surface.
+        points: usize,
+        /// Points allowed.
+        limit: usize,
     },
     /// The working grid would be larger than allowed.
     #[error("the working grid would have {voxels} voxels, allowed are {allowed}")]
@@ -92,7 +94,7 @@ pub const SHAPE_CODES: [&str; 7] = [
     "shape_is_a_ball",
     "shape_is_a_tube",
     "not_orientable",
-    "not_a_disc",
+    "too_many_points",
     "working_grid_too_large",
 ];
 
@@ -108,7 +110,7 @@ impl Refusal {
             Self::Ball { .. } => "shape_is_a_ball",
             Self::Tube { .. } => "shape_is_a_tube",
             Self::NotOrientable { .. } => "not_orientable",
-            Self::NotADisc { .. } => "not_a_disc",
+            Self::TooManyPoints { .. } => "too_many_points",
             Self::TooLarge { .. } => "working_grid_too_large",
         }
     }
@@ -126,9 +128,7 @@ impl Refusal {
             Self::Ball { .. } => "a ball has no medial sheet: measure it by its radius".to_owned(),
             Self::Tube { .. } => "a tube has a medial curve, not a sheet: use a centreline tool".to_owned(),
             Self::NotOrientable { .. } => "check the segmentation for a bridge that turns the object over".to_owned(),
-            Self::NotADisc { .. } => {
-                "check the segmentation for tunnels, or split the structure into several labels".to_owned()
-            }
+            Self::TooManyPoints { .. } => "leave landmarks at \"auto\", or set a larger resolution_mm".to_owned(),
             Self::TooLarge { resolution_mm, .. } => format!("set resolution_mm to {resolution_mm:.2} or more"),
         }
     }

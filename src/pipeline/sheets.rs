@@ -298,8 +298,9 @@ fn has_third_near(surface: &MedialSurface, label: &[u32], (a, b): (u32, u32), st
     false
 }
 
-/// Points that are not sure stay only near another sheet, where they make the junction. Elsewhere
-/// they are the start of a sheet that runs into an edge of the boundary.
+/// Points that are not sure stay only near another sheet, where they make the junction, or where
+/// they hold a sheet together. Elsewhere they are the start of a sheet that runs into an edge of
+/// the boundary.
 fn trim_edges(surface: &MedialSurface, label: &mut [u32]) {
     let before = label.to_vec();
     for (p, l) in label.iter_mut().enumerate() {
@@ -307,6 +308,55 @@ fn trim_edges(surface: &MedialSurface, label: &mut [u32]) {
             *l = NO_SHEET;
         }
     }
+    for sheet in sizes(label).into_keys() {
+        hold_together(surface, &before, label, sheet);
+    }
+}
+
+/// Joins the pieces of a trimmed sheet to its largest one by the shortest paths over points that
+/// were trimmed.
+fn hold_together(surface: &MedialSurface, before: &[u32], label: &mut [u32], sheet: u32) {
+    let mut from = vec![u32::MAX; label.len()];
+    let mut queue: VecDeque<u32> = largest_piece(surface, label, sheet).into();
+    queue.iter().for_each(|&p| from[p as usize] = p);
+    while let Some(a) = queue.pop_front() {
+        for &b in &surface.adjacency[a as usize] {
+            if from[b as usize] != u32::MAX || before[b as usize] != sheet {
+                continue;
+            }
+            from[b as usize] = a;
+            queue.push_back(b);
+            let mut path = a;
+            while label[b as usize] == sheet && label[path as usize] != sheet {
+                label[path as usize] = sheet;
+                path = from[path as usize];
+            }
+        }
+    }
+}
+
+/// The largest connected piece of a sheet (the first of equals).
+fn largest_piece(surface: &MedialSurface, label: &[u32], sheet: u32) -> Vec<u32> {
+    let mut seen = vec![false; label.len()];
+    let mut best = Vec::new();
+    for start in 0..label.len() {
+        if label[start] != sheet || std::mem::replace(&mut seen[start], true) {
+            continue;
+        }
+        let (mut piece, mut next) = (vec![id(start)], 0);
+        while next < piece.len() {
+            for &n in &surface.adjacency[piece[next] as usize] {
+                if label[n as usize] == sheet && !std::mem::replace(&mut seen[n as usize], true) {
+                    piece.push(n);
+                }
+            }
+            next += 1;
+        }
+        if piece.len() > best.len() {
+            best = piece;
+        }
+    }
+    best
 }
 
 /// Connected sets of touching points with the sheets that touch there.

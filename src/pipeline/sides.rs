@@ -4,7 +4,7 @@
 //! The skin point that an inscribed ball touches belongs to that ball's medial point: the ball
 //! nearest in power distance. It is upper or lower by the side of the sheet it lies on, and
 //! crest where the vector to it leans more than [`CREST_COSINE`] out of the normal: there it
-//! comes from the sheet's rim.
+//! comes from the sheet's rim. Skin that no ball comes near, beyond the end of a sheet, is crest too.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -24,6 +24,11 @@ use super::surface::Surface;
 
 /// Cosine between a spoke and the sheet's normal below which the skin point is crest: 65°.
 const CREST_COSINE: f64 = 0.42;
+/// How far a skin point may lie outside of its ball, in voxels and as a share of the radius. Further
+/// off, beyond the end of the sheet, the skin is crest.
+const BALL_GAP: f64 = 1.0;
+/// See [`BALL_GAP`].
+const BALL_GAP_SHARE: f64 = 0.25;
 /// Cosine of the feet of points whose normal is beyond doubt, for the orientability test.
 const SURE_FEET_COSINE: f64 = -0.7;
 /// Cosine below which two touching, sure normals disagree.
@@ -86,11 +91,11 @@ pub fn sides(
     let mut classes: Vec<[Vec<(u32, u32)>; 2]> = vec![[Vec::new(), Vec::new()]; all.len()];
     let balls = Balls::of(surface, |p| local_of[p] != u32::MAX);
     for (s, point) in depth.skin.iter().enumerate() {
-        let Some((p, _)) = balls.nearest(point.position) else { continue };
+        let Some((p, gap)) = balls.nearest(point.position) else { continue };
         let sheet = sheets.sheet_of[p] as usize;
         let spoke = (point.position - surface.points[p].position).try_normalize(1e-9).unwrap_or_else(Vector3::zeros);
         let height = spoke.dot(&normal_of[p]);
-        if height.abs() < CREST_COSINE {
+        if height.abs() < CREST_COSINE || gap > BALL_GAP + BALL_GAP_SHARE * surface.points[p].radius {
             all[sheet].crest += 1;
         } else {
             classes[sheet][usize::from(height < 0.0)].push((id(s), local_of[p]));

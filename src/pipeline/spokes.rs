@@ -54,17 +54,17 @@ pub fn align_sides(sheet: &SheetSides, flat: &mut PerSurface<Flat>) {
     }
 }
 
-/// Lattices on the three aligned embeddings, paired by (i, j). `None` when a region is empty.
+/// Lattices on the three aligned embeddings. `None` when a region is empty.
 #[must_use]
-pub fn paper(
-    solid: &Solid,
-    sheet: &SheetSides,
-    flat: &PerSurface<Flat>,
-    params: &CheckedParams,
-    size: LatticeSize,
-) -> Option<Nodes> {
+pub fn lattices(flat: &PerSurface<Flat>, params: &CheckedParams, size: LatticeSize) -> Option<PerSurface<Lattice>> {
     let on = |flat: &Flat| lattice(&Region::of(&flat.points), params.lattice, size, params.margin);
-    let lattices = PerSurface { medial: on(&flat.medial)?, upper: on(&flat.upper)?, lower: on(&flat.lower)? };
+    Some(PerSurface { medial: on(&flat.medial)?, upper: on(&flat.upper)?, lower: on(&flat.lower)? })
+}
+
+/// Nodes of equal (i, j) on the three lattices.
+#[must_use]
+pub fn paper(solid: &Solid, sheet: &SheetSides, flat: &PerSurface<Flat>, lattices: PerSurface<Lattice>) -> Nodes {
+    let size = lattices.medial.size;
     let medial_map = SpaceFromPlane::new(&flat.medial.points, &sheet.medial.positions, &sheet.radii);
     let medial: Vec<Node> = lattices.medial.nodes.iter().map(|p| medial_map.node(*p)).collect();
     let side = |side: &Side, flat: &Flat, lattice: &Lattice| {
@@ -75,7 +75,7 @@ pub fn paper(
         (side(&sheet.upper, &flat.upper, &lattices.upper), side(&sheet.lower, &flat.lower, &lattices.lower));
     let valid = (0..size.rows * size.cols).map(|n| lattices.named().iter().all(|(_, l)| l.valid[n])).collect();
     let crest = crest(&solid.level, &lattices.medial, &medial);
-    Some(Nodes {
+    Nodes {
         size,
         radii: medial.iter().map(|n| n.value).collect(),
         medial: medial.iter().map(|n| n.position).collect(),
@@ -88,7 +88,7 @@ pub fn paper(
             upper: lattices.upper.nodes,
             lower: lattices.lower.nodes,
         },
-    })
+    }
 }
 
 /// The point of the boundary that a point near it is carried to along the gradient.

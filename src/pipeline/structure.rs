@@ -7,7 +7,7 @@ use nalgebra::{Point2, Point3};
 use crate::numerics::surface_nets::zero_surface;
 use crate::space::{LabelVolume, ParamPoint, WorldPoint};
 
-use super::depth::{Depth, depth};
+use super::depth::depth;
 use super::frame::canonical;
 use super::isomap::{Flat, IsomapError, flatten};
 use super::mask::{LabelBox, Solid, solid};
@@ -22,7 +22,7 @@ use super::quality::{figure_quality, structure_quality};
 use super::refusal::Refusal;
 use super::sheets::{Sheets, sheets};
 use super::sides::{SheetSides, sides};
-use super::spokes::{Nodes, align_sides, paper};
+use super::spokes::{Nodes, align_sides, lattices, paper};
 
 /// Medial points that the main sheet needs: fewer are less than a lattice of 3 × 3 nodes with
 /// something to fit each to.
@@ -205,9 +205,10 @@ impl Work<'_> {
             GridChoice::Fixed(size) => size,
             GridChoice::Auto => automatic_size(&region, self.params.spacing_mm.map(|s| s / solid.voxel_mm)),
         };
-        let nodes = self.stage(timings, Stage::Spokes, || paper(solid, sheet, &flat, self.params, size))?;
+        let lattices = self.stage(timings, Stage::Lattice, || lattices(&flat, self.params, size))?;
         let needed = MIN_SHEET_POINTS;
-        let nodes = nodes.ok_or(Refusal::TooSmall { points: sheet.medial.positions.len(), needed })?;
+        let lattices = lattices.ok_or(Refusal::TooSmall { points: sheet.medial.positions.len(), needed })?;
+        let nodes = self.stage(timings, Stage::Spokes, || paper(solid, sheet, &flat, lattices))?;
         Ok(Draft { nodes, flat })
     }
 
@@ -221,8 +222,8 @@ impl Work<'_> {
     ) -> Result<PerSurface<Flat>, Stop> {
         let mut flat_of = |name: &str, surface| {
             let params = self.params;
-            let flat =
-                flatten(surface, params.neighbors, params.landmarks, solid.voxel_mm, self.observer).map_err(refused)?;
+            let flat = flatten(surface, params.neighbors, params.landmarks, solid.voxel_mm, self.observer)
+                .map_err(|error| refused(error, sheet, solid.voxel_mm))?;
             if flat.pieces > 1 {
                 let message = format!(
                     "the neighbourhood graph of the {name} surface of sheet {number} fell into {} pieces, joined through touching voxels",
@@ -243,12 +244,19 @@ impl Work<'_> {
     }
 }
 
-fn refused(error: IsomapError) -> Stop {
-    match error {
-        IsomapError::Cancelled(_) => Stop::Cancelled,
-        IsomapError::TooFewPoints { points } => Stop::Refused(Refusal::TooSmall { points, needed: MIN_SHEET_POINTS }),
-        other => Stop::Refused(Refusal::NotADisc { reason: other.to_string() }),
-    }
+fn refused(error: IsomapError, sheet: &SheetSides, voxel_mm: f64) -> Stop {
+    let refusal = match error {
+        IsomapError::Cancelled(_) => return Stop::Cancelled,
+        IsomapError::TooFewPoints { points } => Refusal::TooSmall { points, needed: MIN_SHEET_POINTS },
+        IsomapError::TooManyForExact { points, limit } => Refusal::TooManyPoints { points, limit },
+        IsomapError::NoPlane => {
+            let from = sheet.medial.positions[0];
+            let length = sheet.medial.positions.iter().map(|p| (p - from).norm()).fold(0.0, f64::max);
+            let radius = sheet.radii.iter().copied().fold(0.0, f64::max);
+            Refusal::Tube { length_mm: length * voxel_mm, width_mm: 0.0, radius_mm: radius * voxel_mm }
+        }
+    };
+    Stop::Refused(refusal)
 }
 
 /// Refuses an object whose medial surface has too few points for a sheet.
@@ -300,7 +308,7 @@ fn automatic_size(region: &Region, spacing: Option<f64>) -> LatticeSize {
 
 /// The smooth outer surface of the mask in the world.
 fn object_mesh(solid: &Solid) -> TriangleMesh {
-    let mesh = zero_surface(&solid.level);
+    let mesh = zero_surface(&solid.level.0);
     let mut triangles = mesh.triangles;
     if solid.world_from_work.matrix().determinant() < 0.0 {
         triangles.iter_mut().for_each(|t| t.swap(1, 2));

@@ -24,6 +24,14 @@ mod jobs_process;
 
 mod cli_run;
 
+mod phantoms;
+
+mod pipeline_shapes;
+
+mod pipeline_input;
+
+mod pipeline_stages;
+
 mod cli_serve;
 
 mod support;
