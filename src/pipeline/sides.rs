@@ -22,8 +22,8 @@ use super::refusal::Refusal;
 use super::sheets::{Balls, Sheets};
 use super::surface::Surface;
 
-/// Cosine between a spoke and the sheet's normal below which the skin point is crest: 65°.
-const CREST_COSINE: f64 = 0.42;
+/// Cosine between a spoke and the sheet's normal below which the skin point is crest: 60°.
+const CREST_COSINE: f64 = 0.5;
 /// How far a skin point may lie outside of its ball, in voxels and as a share of the radius. Further
 /// off, beyond the end of the sheet, the skin is crest.
 const BALL_GAP: f64 = 1.0;
