@@ -5,7 +5,7 @@ cd "$(dirname "$0")/.."
 
 listen=${MEDIALREP_LISTEN:-127.0.0.1:8080}
 url=http://$listen
-sample=${SAMPLE:-leaf}
+sample=${SAMPLE:-bent}
 
 command -v curl >/dev/null || { echo "make run: needs curl" >&2; exit 1; }
 cargo build --release --locked
