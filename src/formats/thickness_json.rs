@@ -12,6 +12,8 @@ use crate::pipeline::model::{
     DistanceSummary, Figure, FigureQuality, Junction, Model, PerSurface, Structure, StructureQuality, Verdict,
 };
 use crate::pipeline::observer::{Stage, Warning};
+use crate::pipeline::params::CheckedParams;
+use crate::pipeline::sheets::strength;
 use crate::space::{WorldPoint, WorldVector};
 
 /// Where the model came from. Never the file's name: it may name a patient.
@@ -57,7 +59,12 @@ pub fn write(
         },
         space: Space { name: "RAS", unit: "mm" },
         params: params_to_json(&model.params),
-        structures: model.structures.iter().enumerate().map(structure_json).collect(),
+        structures: model
+            .structures
+            .iter()
+            .enumerate()
+            .map(|(index, s)| structure_json(&model.params, index, s))
+            .collect(),
         warnings: warnings_json(warnings),
         timings_ms: Timings {
             read: Rounded(timings.read_ms),
@@ -124,6 +131,7 @@ struct StructureJson<'a> {
     voxels: u64,
     volume_mm3: Rounded,
     working_voxel_mm: Rounded,
+    resolved: ResolvedJson,
     #[serde(skip_serializing_if = "Option::is_none")]
     refusal: Option<RefusalJson>,
     figures: Vec<FigureJson<'a>>,
@@ -131,6 +139,13 @@ struct StructureJson<'a> {
     quality: QualityJson<'a>,
     warnings: Vec<WarningJson<'a>>,
     timings_ms: StageTimingsJson<'a>,
+}
+
+/// What `auto` became; grid, neighbours and landmarks are with the figures.
+#[derive(Serialize)]
+struct ResolvedJson {
+    prune: Rounded,
+    resolution_mm: Rounded,
 }
 
 #[derive(Serialize)]
@@ -260,7 +275,7 @@ impl Serialize for StageTimingsJson<'_> {
     }
 }
 
-fn structure_json((index, structure): (usize, &Structure)) -> StructureJson<'_> {
+fn structure_json<'a>(params: &CheckedParams, index: usize, structure: &'a Structure) -> StructureJson<'a> {
     StructureJson {
         index,
         label: structure.label,
@@ -268,6 +283,10 @@ fn structure_json((index, structure): (usize, &Structure)) -> StructureJson<'_> 
         voxels: structure.voxels,
         volume_mm3: Rounded(structure.volume_mm3),
         working_voxel_mm: Rounded(structure.working_voxel_mm),
+        resolved: ResolvedJson {
+            prune: Rounded(strength(params.prune)),
+            resolution_mm: Rounded(structure.working_voxel_mm),
+        },
         refusal: structure.refusal.as_ref().map(|refusal| RefusalJson {
             code: refusal.code(),
             message: refusal.to_string(),

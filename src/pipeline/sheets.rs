@@ -67,10 +67,7 @@ pub struct Hinge {
 /// Splits a medial surface into single sheets and prunes those without evidence.
 #[must_use]
 pub fn sheets(surface: &MedialSurface, depth: &Depth, prune: Prune, max_figures: Option<usize>) -> Sheets {
-    let threshold = match prune {
-        Prune::Auto => AUTO_LOSS,
-        Prune::Strength(strength) => strength * strength,
-    };
+    let threshold = strength(prune).powi(2);
     let mut label = linked_components(surface);
     hand_over_rest(surface, &mut label);
     join_across_pairs(surface, &mut label);
@@ -82,6 +79,16 @@ pub fn sheets(surface: &MedialSurface, depth: &Depth, prune: Prune, max_figures:
     }
     trim_edges(surface, &mut label);
     in_order_of_size(surface, &label, pruned)
+}
+
+/// The strength of pruning that is used: the root of the share of the volume that a sheet must
+/// account for.
+#[must_use]
+pub fn strength(prune: Prune) -> f64 {
+    match prune {
+        Prune::Auto => AUTO_LOSS.sqrt(),
+        Prune::Strength(strength) => strength,
+    }
 }
 
 /// Components of linked sure points, numbered by their first.
