@@ -16,6 +16,9 @@ use super::params::{LatticeKind, LatticeSize};
 /// Radius of the local fits, voxels. Below 3 the staircase shows; above 6 bends of small radius
 /// are flattened.
 const FIT_RADIUS: f64 = 5.0;
+/// How far from its nearest point a fit may be read, voxels. The rim of a sheet lies up to one
+/// voxel beyond its outermost points.
+const OVERREACH: f64 = 2.0;
 /// Rounds of sliding at most; 20 bring the spacing below 1 % of its mean on ellipses.
 const SLIDE_ROUNDS: usize = 30;
 /// Largest movement, as a share of the lattice, at which sliding ends.
@@ -161,21 +164,31 @@ impl<'a> SpaceFromPlane<'a> {
         cells.flat_map(|(i, j)| self.members[i + self.cells[0] * j].iter().map(|k| *k as usize))
     }
 
-    /// The point of space at `p`. Far from all points, that of the nearest one.
+    /// The point of space at `p`. Fits are read no further than [`OVERREACH`] from the points they
+    /// were made of: beyond, they say nothing, and the nearest point stands for the place.
     #[must_use]
     pub fn node(&self, p: Point2<f64>) -> Node {
+        let (nearest, gap) = self.nearest(p);
+        let at = if gap <= OVERREACH { p } else { self.flat[nearest] };
         let mut radius = FIT_RADIUS;
-        // Three doublings reach 40 voxels: past that a node has no business with the sheet.
+        // Twice doubled, a radius reaches 20 voxels: with fewer than six points there, there is no sheet.
         for _ in 0..3 {
-            if let Some(fit) = self.fit(p, radius) {
+            if let Some(fit) = self.fit(at, radius) {
                 return as_node(&fit);
             }
             radius *= 2.0;
         }
-        let nearest = (0..self.flat.len())
-            .min_by(|&a, &b| (self.flat[a] - p).norm_squared().total_cmp(&(self.flat[b] - p).norm_squared()));
-        let k = nearest.unwrap_or(0);
-        self.fit(self.flat[k], radius).as_ref().map_or_else(|| self.bare(k), as_node)
+        self.bare(nearest)
+    }
+
+    /// The point nearest to `p`, and how far it is.
+    fn nearest(&self, p: Point2<f64>) -> (usize, f64) {
+        let distance = |k: usize| (self.flat[k] - p).norm();
+        let closest =
+            |points: &mut dyn Iterator<Item = usize>| points.min_by(|&a, &b| distance(a).total_cmp(&distance(b)));
+        let near = closest(&mut self.around(p, FIT_RADIUS)).filter(|&k| distance(k) <= FIT_RADIUS);
+        let k = near.or_else(|| closest(&mut (0..self.flat.len()))).unwrap_or(0);
+        (k, distance(k))
     }
 
     fn fit(&self, p: Point2<f64>, radius: f64) -> Option<LocalFit<4>> {
