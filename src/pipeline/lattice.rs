@@ -1,8 +1,8 @@
 //! Stage 6: the N × M lattice over a flattened surface, and the map from the plane back to space
 //! (section 3 of the paper).
 //!
-//! `regular` is the paper's rectangle. `fitted` follows the outline: a patch between its four sides,
-//! in which nodes slide along rows and columns in turn until they are equally spaced along both. The map back is a local quadratic fit (moving least squares), so
+//! `regular` is the paper's rectangle. `fitted` follows the outline: nodes slide along the rows and
+//! columns of a patch of the region in turn until they are equally spaced along both. The map back is a local quadratic fit (moving least squares), so
 //! that the staircase of the voxels does not reach the mesh.
 
 use nalgebra::{Point2, Point3, SVector, Vector2, Vector3};
@@ -10,12 +10,18 @@ use nalgebra::{Point2, Point3, SVector, Vector2, Vector3};
 use crate::numerics::field::{floor_index, id};
 use crate::numerics::fit::{LocalFit, quadratic};
 
-use super::outline::{FourSides, Region};
+use super::outline::Region;
 use super::params::{LatticeKind, LatticeSize};
+use super::patch::Patch;
 
 /// Radius of the local fits, voxels. Below 3 the staircase shows; above 6 bends of small radius
 /// are flattened.
 const FIT_RADIUS: f64 = 5.0;
+/// Harmonic share left free at the rim. It is a small part of a voxel along a smooth rim and several
+/// voxels in a narrow tip, where the three surfaces end differently: lattices that run to the end of
+/// tips fold there (2 to 10 % of the corners on organs with tails, against 0.0 to 0.4 %). What is
+/// left free belongs to the crest.
+const RIM_INSET: f64 = 0.01;
 /// How far from its nearest point a fit may be read, voxels. The rim of a sheet lies up to one
 /// voxel beyond its outermost points.
 const OVERREACH: f64 = 2.0;
@@ -41,7 +47,7 @@ pub struct Lattice {
 #[must_use]
 pub fn lattice(region: &Region, kind: LatticeKind, size: LatticeSize, margin: f64) -> Option<Lattice> {
     let nodes = match kind {
-        LatticeKind::Fitted => fitted(&region.four_sides()?, size, margin),
+        LatticeKind::Fitted => fitted(&region.patch()?, size, margin),
         LatticeKind::Regular => regular(region.bounds()?, size, margin),
     };
     let valid = nodes.iter().map(|n| region.contains(*n)).collect();
@@ -63,9 +69,20 @@ fn share(k: usize, count: usize, margin: f64) -> f64 {
 }
 
 /// Nodes that follow the outline, equally spaced along rows and columns.
-fn fitted(sides: &FourSides, size: LatticeSize, margin: f64) -> Vec<Point2<f64>> {
-    let at = |s: Point2<f64>| sides.at(s);
+///
+/// Harmonic shares crowd in hollows and thin out in tips. The patch is spaced evenly first, so that
+/// the margin is a share of the length of each line.
+fn fitted(patch: &Patch, size: LatticeSize, margin: f64) -> Vec<Point2<f64>> {
+    /// Size of the lattice that spaces the patch.
+    const EVEN: LatticeSize = LatticeSize { rows: 25, cols: 49 };
+    let even = Patch::of_nodes(EVEN.rows, EVEN.cols, &evenly_spaced(patch, EVEN, RIM_INSET));
+    evenly_spaced(&even, size, margin)
+}
+
+/// Nodes at equal shares of a patch, then slid along rows and columns in turn.
+fn evenly_spaced(patch: &Patch, size: LatticeSize, margin: f64) -> Vec<Point2<f64>> {
     let LatticeSize { rows, cols } = size;
+    let at = |s: Point2<f64>| patch.at(s);
     let mut shares: Vec<Point2<f64>> =
         (0..rows * cols).map(|n| Point2::new(share(n % cols, cols, margin), share(n / cols, rows, margin))).collect();
     for _ in 0..SLIDE_ROUNDS {

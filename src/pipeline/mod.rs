@@ -31,6 +31,8 @@ pub mod isomap;
 
 pub mod outline;
 
+pub mod patch;
+
 pub mod frame;
 
 pub mod lattice;

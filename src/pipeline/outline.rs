@@ -10,8 +10,10 @@ use crate::numerics::field::{Field, floor_index};
 use crate::numerics::smooth::gaussian;
 use crate::space::Grid;
 
+use super::patch::Patch;
+
 /// Pixel of the region's raster, voxels.
-const PITCH: f64 = 0.5;
+pub(super) const PITCH: f64 = 0.5;
 /// Gaps between points up to twice this are part of the sheet, voxels. Neighbours on a staircase
 /// lie up to 1.8 apart.
 const CLOSING: f64 = 1.5;
@@ -27,22 +29,13 @@ const PADDING: usize = 12;
 /// The region covered by points of the plane. Lengths are voxels.
 #[derive(Clone, Debug)]
 pub struct Region {
-    origin: Point2<f64>,
+    pub(super) origin: Point2<f64>,
     /// Positive inside, 0 on the smoothed outline.
-    level: Field,
+    pub(super) level: Field,
     /// Distance to the nearest point, pixels.
     gap: Field,
     /// Area of holes that were filled, as a share of the region.
     pub hole_share: f64,
-}
-
-/// The outline of a region as four sides between its corners, each parametrised by its length.
-#[derive(Clone, Debug)]
-pub struct FourSides {
-    bottom: Arc,
-    right: Arc,
-    top: Arc,
-    left: Arc,
 }
 
 impl Region {
@@ -104,7 +97,7 @@ impl Region {
     /// a rectangle are its corners, an ellipse has them where both axes have the same share. Unlike
     /// the places of largest curvature they do not jump when the outline changes a little.
     #[must_use]
-    pub fn four_sides(&self) -> Option<FourSides> {
+    pub fn patch(&self) -> Option<Patch> {
         let outline = self.outline();
         if outline.len() < 8 {
             return None;
@@ -113,7 +106,8 @@ impl Region {
         let at = |x: f64, y: f64| corner(&outline, centre, half.component_mul(&Vector2::new(x, y)), half);
         let corners = [at(-1.0, -1.0), at(1.0, -1.0), at(1.0, 1.0), at(-1.0, 1.0)];
         let side = |k: usize| Arc::between(&outline, corners[k], corners[(k + 1) % 4]);
-        Some(FourSides { bottom: side(0), right: side(1), top: side(2).reversed(), left: side(3).reversed() })
+        let sides = [side(0), side(1), side(2), side(3)];
+        Some(Patch::harmonic(self, &sides))
     }
 
     /// Smallest and largest coordinates of the outline; `None` for an empty region.
@@ -247,14 +241,14 @@ fn corner(outline: &[Point2<f64>], centre: Point2<f64>, direction: Vector2<f64>,
 
 /// A piece of the outline, read by the share of its length.
 #[derive(Clone, Debug)]
-struct Arc {
+pub struct Arc {
     /// Points at equal lengths from one end to the other.
     table: Vec<Vector2<f64>>,
 }
 
 impl Arc {
     /// Entries of a table; a side of 500 voxels has one per voxel.
-    const ENTRIES: usize = 513;
+    pub const ENTRIES: usize = 513;
 
     /// From one place on the outline on to another; a place is an edge and a share of it.
     fn between(outline: &[Point2<f64>], from: (usize, f64), to: (usize, f64)) -> Self {
@@ -288,30 +282,12 @@ impl Arc {
         Self { table: (0..Self::ENTRIES).map(&mut entry).collect() }
     }
 
-    fn reversed(mut self) -> Self {
-        self.table.reverse();
-        self
-    }
-
     /// The point at a share of the length, 0 to 1.
-    fn at(&self, share: f64) -> Vector2<f64> {
+    #[must_use]
+    pub fn at(&self, share: f64) -> Vector2<f64> {
         let x = share.clamp(0.0, 1.0) * (Self::ENTRIES - 1) as f64;
         let k = floor_index(x).min(Self::ENTRIES - 2);
         self.table[k] + (self.table[k + 1] - self.table[k]) * (x - k as f64)
-    }
-}
-
-impl FourSides {
-    /// The point at shares (s along the first axis, t along the second) of the region: the Coons
-    /// patch of the four sides.
-    #[must_use]
-    pub fn at(&self, shares: Point2<f64>) -> Point2<f64> {
-        let (s, t) = (shares.x, shares.y);
-        let across = self.bottom.at(s) * (1.0 - t) + self.top.at(s) * t;
-        let along = self.left.at(t) * (1.0 - s) + self.right.at(t) * s;
-        let low = self.bottom.at(0.0) * (1.0 - s) + self.bottom.at(1.0) * s;
-        let high = self.top.at(0.0) * (1.0 - s) + self.top.at(1.0) * s;
-        Point2::from(across + along - (low * (1.0 - t) + high * t))
     }
 }
 
