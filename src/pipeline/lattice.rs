@@ -10,6 +10,7 @@ use nalgebra::{Point2, Point3, SVector, Vector2, Vector3};
 use crate::numerics::field::{floor_index, id};
 use crate::numerics::fit::{LocalFit, quadratic};
 
+use super::model::ring;
 use super::outline::Region;
 use super::params::{LatticeKind, LatticeSize};
 use super::patch::Patch;
@@ -41,17 +42,24 @@ pub struct Lattice {
     pub nodes: Vec<Point2<f64>>,
     /// Whether the node lies inside the outline.
     pub valid: Vec<bool>,
+    /// For every node of the edge, in the order of [`ring`], the place on the sheet's rim that it
+    /// looks out to: along the lines of the lattice for a fitted one, its own for a regular one.
+    pub rim: Vec<Point2<f64>>,
 }
 
 /// A lattice over the region, or `None` when the region is empty.
 #[must_use]
 pub fn lattice(region: &Region, kind: LatticeKind, size: LatticeSize, margin: f64) -> Option<Lattice> {
-    let nodes = match kind {
+    let (nodes, rim) = match kind {
         LatticeKind::Fitted => fitted(&region.patch()?, size, margin),
-        LatticeKind::Regular => regular(region.bounds()?, size, margin),
+        LatticeKind::Regular => {
+            let nodes = regular(region.bounds()?, size, margin);
+            let rim = ring(size).into_iter().map(|n| nodes[n]).collect();
+            (nodes, rim)
+        }
     };
     let valid = nodes.iter().map(|n| region.contains(*n)).collect();
-    Some(Lattice { size, nodes, valid })
+    Some(Lattice { size, nodes, valid, rim })
 }
 
 /// The paper's rectangle: the bounding box of the region less the margin.
@@ -68,18 +76,36 @@ fn share(k: usize, count: usize, margin: f64) -> f64 {
     margin + (1.0 - 2.0 * margin) * k as f64 / (count - 1) as f64
 }
 
-/// Nodes that follow the outline, equally spaced along rows and columns.
+/// Nodes that follow the outline, equally spaced along rows and columns, and the rim before those
+/// of the edge.
 ///
 /// Harmonic shares crowd in hollows and thin out in tips. The patch is spaced evenly first, so that
 /// the margin is a share of the length of each line.
-fn fitted(patch: &Patch, size: LatticeSize, margin: f64) -> Vec<Point2<f64>> {
+fn fitted(patch: &Patch, size: LatticeSize, margin: f64) -> (Vec<Point2<f64>>, Vec<Point2<f64>>) {
     /// Size of the lattice that spaces the patch.
     const EVEN: LatticeSize = LatticeSize { rows: 25, cols: 49 };
-    let even = Patch::of_nodes(EVEN.rows, EVEN.cols, &evenly_spaced(patch, EVEN, RIM_INSET));
-    evenly_spaced(&even, size, margin)
+    let even = evenly_spaced(patch, EVEN, RIM_INSET);
+    let places = |shares: &[Point2<f64>]| -> Vec<Point2<f64>> { shares.iter().map(|s| patch.at(*s)).collect() };
+    let inner = Patch::of_nodes(EVEN.rows, EVEN.cols, &places(&even));
+    let pushed: Vec<Point2<f64>> = even.iter().enumerate().map(|(n, s)| to_rim(EVEN, n, *s)).collect();
+    let outer = Patch::of_nodes(EVEN.rows, EVEN.cols, &places(&pushed));
+    let shares = evenly_spaced(&inner, size, margin);
+    let nodes = shares.iter().map(|s| inner.at(*s)).collect();
+    let rim = ring(size).into_iter().map(|n| outer.at(to_rim(size, n, shares[n]))).collect();
+    (nodes, rim)
 }
 
-/// Nodes at equal shares of a patch, then slid along rows and columns in turn.
+/// The share on the rim that a node of the edge looks out to; inner nodes stay.
+fn to_rim(size: LatticeSize, node: usize, shares: Point2<f64>) -> Point2<f64> {
+    let outward = |k: usize, count: usize, share: f64| match k {
+        0 => 0.0,
+        k if k + 1 == count => 1.0,
+        _ => share,
+    };
+    Point2::new(outward(node % size.cols, size.cols, shares.x), outward(node / size.cols, size.rows, shares.y))
+}
+
+/// Shares of nodes that were equal at first, then slid along rows and columns in turn.
 fn evenly_spaced(patch: &Patch, size: LatticeSize, margin: f64) -> Vec<Point2<f64>> {
     let LatticeSize { rows, cols } = size;
     let at = |s: Point2<f64>| patch.at(s);
@@ -97,7 +123,7 @@ fn evenly_spaced(patch: &Patch, size: LatticeSize, margin: f64) -> Vec<Point2<f6
             break;
         }
     }
-    shares.into_iter().map(at).collect()
+    shares
 }
 
 /// Spaces the nodes of one lattice line equally along it; the ends stay. Returns the largest

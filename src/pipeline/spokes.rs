@@ -5,7 +5,7 @@
 //! through the pairs of stage 4 (eigenvectors leave signs open, and on square sheets the
 //! rotation too), get a lattice of their own, and nodes of equal (i, j) are paired.
 
-use nalgebra::{Point2, Point3, Vector3};
+use nalgebra::{Point2, Point3, Vector2, Vector3};
 
 use crate::numerics::field::Field;
 use crate::numerics::fit::Rigid2;
@@ -74,7 +74,7 @@ pub fn paper(solid: &Solid, sheet: &SheetSides, flat: &PerSurface<Flat>, lattice
     let (upper, lower) =
         (side(&sheet.upper, &flat.upper, &lattices.upper), side(&sheet.lower, &flat.lower, &lattices.lower));
     let valid = (0..size.rows * size.cols).map(|n| lattices.named().iter().all(|(_, l)| l.valid[n])).collect();
-    let crest = crest(&solid.level, &lattices.medial, &medial);
+    let crest = crest(&solid.level, &lattices.medial, &medial, &medial_map);
     Nodes {
         size,
         radii: medial.iter().map(|n| n.value).collect(),
@@ -102,34 +102,38 @@ fn onto_boundary(level: &Field, from: Point3<f64>) -> Point3<f64> {
     if (p - from).norm() <= MAX_CARRY { p } else { from }
 }
 
-/// The crest point of every node of the lattice's edge: where the sheet, carried on outward in
-/// its own plane, meets the boundary.
-fn crest(level: &Field, lattice: &Lattice, medial: &[Node]) -> Vec<Point3<f64>> {
-    let LatticeSize { rows, cols } = lattice.size;
-    let outward = |n: usize| {
-        let (i, j) = (n / cols, n % cols);
-        let here = lattice.nodes[n];
-        let mut sum = nalgebra::Vector2::zeros();
-        let inner = [
-            (i == 0).then(|| n + cols),
-            (i + 1 == rows).then(|| n - cols),
-            (j == 0).then(|| n + 1),
-            (j + 1 == cols).then(|| n - 1),
-        ];
-        for m in inner.into_iter().flatten() {
-            sum += (here - lattice.nodes[m]).try_normalize(1e-9).unwrap_or_default();
+/// The crest point of every node of the lattice's edge: where the sheet, carried on outward past
+/// its rim in its own plane, meets the boundary.
+fn crest(level: &Field, lattice: &Lattice, medial: &[Node], map: &SpaceFromPlane<'_>) -> Vec<Point3<f64>> {
+    let edge = ring(lattice.size).into_iter().zip(&lattice.rim);
+    edge.map(|(n, rim)| {
+        let node = &medial[n];
+        let flat = outward(lattice, n) + (rim - lattice.nodes[n]);
+        let at_rim = map.node(*rim);
+        let reach = 4.0 * node.value.max(1.0) + 4.0;
+        if level.at(at_rim.position) <= 0.0 {
+            // A rim that lies outside of a thin edge: the crest is on the way to it.
+            let way = at_rim.position - node.position;
+            let direction = way.try_normalize(1e-9).unwrap_or_else(Vector3::x);
+            return node.position + direction * level.first_zero(node.position, direction, way.norm()).unwrap_or(0.0);
         }
-        sum
-    };
-    ring(lattice.size)
-        .into_iter()
-        .map(|n| {
-            let node = &medial[n];
-            let flat = outward(n);
-            let direction = node.tangents[0] * flat.x + node.tangents[1] * flat.y;
-            let direction = direction.try_normalize(1e-9).unwrap_or_else(Vector3::x);
-            let reach = 4.0 * node.value.max(1.0) + 4.0;
-            node.position + direction * level.first_zero(node.position, direction, reach).unwrap_or(0.0)
-        })
-        .collect()
+        let direction = at_rim.tangents[0] * flat.x + at_rim.tangents[1] * flat.y;
+        let direction = direction.try_normalize(1e-9).unwrap_or_else(Vector3::x);
+        at_rim.position + direction * level.first_zero(at_rim.position, direction, reach).unwrap_or(0.0)
+    })
+    .collect()
+}
+
+/// The direction in the plane that leads from the inner neighbours of an edge node to it.
+fn outward(lattice: &Lattice, n: usize) -> Vector2<f64> {
+    let LatticeSize { rows, cols } = lattice.size;
+    let (i, j) = (n / cols, n % cols);
+    let inner = [
+        (i == 0).then(|| n + cols),
+        (i + 1 == rows).then(|| n - cols),
+        (j == 0).then(|| n + 1),
+        (j + 1 == cols).then(|| n - 1),
+    ];
+    let from = |m: usize| (lattice.nodes[n] - lattice.nodes[m]).try_normalize(1e-9).unwrap_or_default();
+    inner.into_iter().flatten().map(from).sum()
 }
