@@ -5,17 +5,19 @@ use std::collections::BTreeSet;
 use medialrep::numerics::topology::{is_simple, neighborhood};
 use medialrep::pipeline::depth::{Depth, depth};
 use medialrep::pipeline::isomap::flatten;
+use medialrep::pipeline::lattice::{SpaceFromPlane, lattice};
 use medialrep::pipeline::mask::{Solid, label_boxes, solid};
 use medialrep::pipeline::medial::{MedialSurface, medial_surface};
 use medialrep::pipeline::observer::Silent;
-use medialrep::pipeline::params::{Landmarks, Neighbors, Prune};
+use medialrep::pipeline::outline::Region;
+use medialrep::pipeline::params::{Landmarks, LatticeKind, LatticeSize, Neighbors, Prune};
 use medialrep::pipeline::sheets::sheets;
 use medialrep::pipeline::sides::sides;
 use medialrep::pipeline::surface::Surface;
 use medialrep::space::{Grid, LabelVolume};
 use nalgebra::{Point3, Rotation3};
 
-use crate::phantoms::{sample, turned, volume};
+use crate::phantoms::{painted, sample, turned, volume};
 
 fn thinned(volume: &LabelVolume) -> (Solid, Depth, MedialSurface) {
     let bounds = label_boxes(volume)[1].expect("label 1 is there");
@@ -154,4 +156,51 @@ fn degenerate_surfaces_are_typed_outcomes() {
     let flat = |surface: &Surface| flatten(surface, Neighbors::Auto, Landmarks::Auto, 1.0, &Silent).err();
     assert_eq!(flat(&line(3)), Some(IsomapError::TooFewPoints { points: 3 }));
     assert_eq!(flat(&line(40)), Some(IsomapError::NoPlane));
+}
+
+/// Points of a half ring, 20 to 32 from its centre.
+fn crescent() -> Vec<nalgebra::Point2<f64>> {
+    let on = |r: f64| (0..=80).map(move |n| (r, std::f64::consts::PI * f64::from(n) / 80.0));
+    let rings = (20..=32).flat_map(|r| on(f64::from(r)));
+    rings.map(|(r, angle)| nalgebra::Point2::new(r * angle.cos(), r * angle.sin())).collect()
+}
+
+#[test]
+fn a_lattice_stays_inside_a_crescent_and_does_not_fold() {
+    let size = LatticeSize { rows: 8, cols: 20 };
+    let found = lattice(&Region::of(&crescent()), LatticeKind::Fitted, size, 0.05).expect("a region");
+    assert!(found.valid.iter().all(|v| *v), "a node lies in the hollow");
+    let radii = found.nodes.iter().map(|n| n.coords.norm());
+    assert!(radii.clone().all(|r| (19.0..33.0).contains(&r)), "{:?}", radii.collect::<Vec<_>>());
+    let node = |i: usize, j: usize| found.nodes[i * size.cols + j];
+    for (i, j) in (0..7).flat_map(|i| (0..19).map(move |j| (i, j))) {
+        let turn = (node(i, j + 1) - node(i, j)).perp(&(node(i + 1, j) - node(i, j)));
+        assert!(turn > 0.0, "the cell at ({i}, {j}) is turned over");
+    }
+}
+
+#[test]
+fn a_node_far_from_all_points_is_not_flung_off() {
+    let flat = crescent();
+    let positions: Vec<_> = flat.iter().map(|p| Point3::new(p.x, p.y, 0.02 * p.x * p.x)).collect();
+    let map = SpaceFromPlane::new(&flat, &positions, &[]);
+    for p in [nalgebra::Point2::new(0.0, 0.0), nalgebra::Point2::new(60.0, 60.0), nalgebra::Point2::new(-200.0, 5.0)] {
+        let node = map.node(p).position;
+        let nearest = positions.iter().map(|q| (q - node).norm()).fold(f64::INFINITY, f64::min);
+        assert!(nearest < 2.0, "{p}: {nearest:.1} from the sheet");
+    }
+}
+
+#[test]
+fn an_even_thickness_is_thinned_to_one_layer() {
+    let slab = |[i, j, k]: [usize; 3]| (6..46).contains(&i) && (6..40).contains(&j) && (6..14).contains(&k);
+    let (solid, _, surface) = thinned(&painted([52, 46, 20], [1.0; 3], |at| u16::from(slab(at))));
+    let middle = |p: &&medialrep::pipeline::medial::MedialPoint| {
+        let from_edge = |x: f64, n: usize| x.min(n as f64 - 1.0 - x);
+        let dims = solid.inside.dims();
+        from_edge(p.position.x, dims[0]) > 12.0 && from_edge(p.position.y, dims[1]) > 12.0
+    };
+    let layers: BTreeSet<usize> =
+        surface.points.iter().filter(middle).map(|p| solid.inside.index(p.voxel)[2]).collect();
+    assert_eq!(layers.len(), 1, "the middle of eight layers is corrugated over {layers:?}");
 }
