@@ -25,6 +25,7 @@ use crate::space::Grid;
 use super::depth::Depth;
 use super::mask::Solid;
 use super::observer::{Cancelled, Observer};
+use super::surface::Surface;
 
 /// Cosine of the angle under which a medial voxel must see its two feet: 60°. Where n arms meet,
 /// the middle sees feet 360°/n apart; bumps and edges are seen under small angles too, and are told
@@ -64,6 +65,15 @@ pub struct MedialSurface {
     pub points: Vec<MedialPoint>,
     /// 26-neighbours of each point.
     pub adjacency: Vec<Vec<u32>>,
+}
+
+impl MedialSurface {
+    /// The part made of some points (ascending).
+    #[must_use]
+    pub fn part(&self, members: &[u32]) -> Surface {
+        let touching = |p: u32| self.adjacency[p as usize].clone();
+        Surface::part(|p| self.points[p as usize].position, touching, members)
+    }
 }
 
 /// Thins a solid to its medial surface.

@@ -19,11 +19,11 @@ pub mod mask;
 
 pub mod depth;
 
+pub mod surface;
+
 pub mod medial;
 
 pub mod sheets;
-
-pub mod surface;
 
 pub mod sides;
 

@@ -67,7 +67,10 @@ pub struct Hinge {
 /// Splits a medial surface into single sheets and prunes those without evidence.
 #[must_use]
 pub fn sheets(surface: &MedialSurface, depth: &Depth, prune: Prune, max_figures: Option<usize>) -> Sheets {
-    let threshold = strength(prune).powi(2);
+    let threshold = match prune {
+        Prune::Auto => AUTO_LOSS,
+        Prune::Strength(s) => s * s / (1.0 - s * s),
+    };
     let mut label = linked_components(surface);
     hand_over_rest(surface, &mut label);
     join_across_pairs(surface, &mut label);
@@ -81,12 +84,12 @@ pub fn sheets(surface: &MedialSurface, depth: &Depth, prune: Prune, max_figures:
     in_order_of_size(surface, &label, pruned)
 }
 
-/// The strength of pruning that is used: the root of the share of the volume that a sheet must
-/// account for.
+/// The strength of pruning that is used. A sheet needs a loss of s²/(1 − s²): none at 0, more than
+/// any sheet has at 1 (a loss is no true share: arms that stand far out lose more than the whole).
 #[must_use]
 pub fn strength(prune: Prune) -> f64 {
     match prune {
-        Prune::Auto => AUTO_LOSS.sqrt(),
+        Prune::Auto => (AUTO_LOSS / (1.0 + AUTO_LOSS)).sqrt(),
         Prune::Strength(strength) => strength,
     }
 }
@@ -324,7 +327,9 @@ fn trim_edges(surface: &MedialSurface, label: &mut [u32]) {
 /// were trimmed.
 fn hold_together(surface: &MedialSurface, before: &[u32], label: &mut [u32], sheet: u32) {
     let mut from = vec![u32::MAX; label.len()];
-    let mut queue: VecDeque<u32> = largest_piece(surface, label, sheet).into();
+    let members: Vec<u32> = (0..id(label.len())).filter(|&p| label[p as usize] == sheet).collect();
+    let largest = surface.part(&members).largest_piece();
+    let mut queue: VecDeque<u32> = largest.into_iter().map(|k| members[k as usize]).collect();
     queue.iter().for_each(|&p| from[p as usize] = p);
     while let Some(a) = queue.pop_front() {
         for &b in &surface.adjacency[a as usize] {
@@ -340,30 +345,6 @@ fn hold_together(surface: &MedialSurface, before: &[u32], label: &mut [u32], she
             }
         }
     }
-}
-
-/// The largest connected piece of a sheet (the first of equals).
-fn largest_piece(surface: &MedialSurface, label: &[u32], sheet: u32) -> Vec<u32> {
-    let mut seen = vec![false; label.len()];
-    let mut best = Vec::new();
-    for start in 0..label.len() {
-        if label[start] != sheet || std::mem::replace(&mut seen[start], true) {
-            continue;
-        }
-        let (mut piece, mut next) = (vec![id(start)], 0);
-        while next < piece.len() {
-            for &n in &surface.adjacency[piece[next] as usize] {
-                if label[n as usize] == sheet && !std::mem::replace(&mut seen[n as usize], true) {
-                    piece.push(n);
-                }
-            }
-            next += 1;
-        }
-        if piece.len() > best.len() {
-            best = piece;
-        }
-    }
-    best
 }
 
 /// Connected sets of touching points with the sheets that touch there.

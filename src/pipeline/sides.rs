@@ -77,9 +77,9 @@ pub fn sides(
     let mut normal_of = vec![Vector3::zeros(); surface.points.len()];
     let mut local_of = vec![u32::MAX; surface.points.len()];
     for members in &sheets.members {
-        let whole = part_of(surface, members);
+        let whole = surface.part(members);
         let members: Vec<u32> = whole.largest_piece().into_iter().map(|k| members[k as usize]).collect();
-        let medial = part_of(surface, &members);
+        let medial = surface.part(&members);
         let normals = oriented_normals(surface, &members, &medial, &solid.world_from_work)?;
         for (local, (&p, n)) in members.iter().zip(&normals).enumerate() {
             normal_of[p as usize] = *n;
@@ -106,11 +106,6 @@ pub fn sides(
         sheet.crest += upper.len() + lower.len() - sheet.upper.partners.len() - sheet.lower.partners.len();
     }
     Ok(all)
-}
-
-fn part_of(surface: &MedialSurface, members: &[u32]) -> Surface {
-    let touching = |p: u32| surface.adjacency[p as usize].clone();
-    Surface::part(|p| surface.points[p as usize].position, touching, members)
 }
 
 /// The largest connected piece of a side; what is cut off from it counts as crest.

@@ -43,9 +43,7 @@ fn a_mask_thinner_than_two_voxels_names_a_resolution() {
 #[test]
 fn a_speck_is_too_small() {
     let speck = painted([12, 12, 12], [1.0; 3], |at| u16::from(at.iter().all(|x| (4..8).contains(x))));
-    let error = run_of(&speck, params()).expect_err("a speck has no sheet");
-    let PipelineError::Refused(refusal) = error else { panic!("refused by name") };
-    assert!(["too_small", "too_thin", "shape_is_a_ball"].contains(&refusal.code()), "{refusal}");
+    check_refused(&speck, params(), "too_thin");
 }
 
 #[test]
@@ -113,11 +111,15 @@ fn max_figures_keeps_the_largest() {
 }
 
 #[test]
-fn full_pruning_leaves_one_sheet() {
-    let model = model_of(&volume("cross"), Params { prune: Prune::Strength(1.0), ..params() });
-    assert!(model.structures[0].figures.len() < 4);
-    let all = model_of(&volume("cross"), Params { prune: Prune::Strength(0.0), ..params() });
-    assert!(all.structures[0].figures.len() >= 4);
+fn full_pruning_leaves_one_sheet_and_none_leaves_all() {
+    for (name, sheets) in [("tee", 3), ("cross", 4)] {
+        let figures = |strength| {
+            let params = Params { prune: Prune::Strength(strength), ..params() };
+            model_of(&volume(name), params).structures[0].figures.len()
+        };
+        assert_eq!(figures(1.0), 1, "{name}");
+        assert!(figures(0.0) >= sheets, "{name}");
+    }
 }
 
 #[test]
