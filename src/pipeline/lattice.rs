@@ -20,7 +20,7 @@ use super::patch::Patch;
 const FIT_RADIUS: f64 = 5.0;
 /// Harmonic share left free at the rim. It is a small part of a voxel along a smooth rim and several
 /// voxels in a narrow tip, where the three surfaces end differently: lattices that run to the end of
-/// tips fold there (2 to 10 % of the corners on organs with tails, against 0.0 to 0.4 %). What is
+/// tips fold there (2 to 10 % of the corners on organs with tails, against 0 to 2.5 %). What is
 /// left free belongs to the crest.
 const RIM_INSET: f64 = 0.01;
 /// How far from its nearest point a fit may be read, voxels. The rim of a sheet lies up to one
