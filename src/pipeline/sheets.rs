@@ -14,7 +14,7 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
-use nalgebra::Point3;
+use nalgebra::{Matrix3, Point3};
 
 use crate::numerics::field::id;
 
@@ -34,6 +34,11 @@ const SURE_FEET_COSINE: f64 = -0.25;
 const MIN_POINTS: usize = 16;
 /// Share of the object's volume that would be lost without a sheet, for it to stay (`auto`).
 const AUTO_LOSS: f64 = 0.03;
+
+/// Half the width of a bridge between two sheets, steps along the surface.
+const BRIDGE_STEPS: usize = 3;
+/// Cosine between the normals of touching points of one sheet on average: 45°.
+const SMOOTH_COSINE: f64 = 0.7;
 
 /// Steps along the surface within which sheets meet at one junction: thinning leaves the
 /// junction of thick arms up to two voxels wide.
@@ -94,28 +99,77 @@ pub fn strength(prune: Prune) -> f64 {
     }
 }
 
-/// Components of linked sure points, numbered by their first.
+/// Sheets of linked sure points. Where a branch starts, the foot jumps by next to nothing, and two
+/// sheets hang together by a bridge there: sheets are told apart a few steps away from all jumps,
+/// and get back what lies between.
 fn linked_components(surface: &MedialSurface) -> Vec<u32> {
+    let from_jump = steps_from_jumps(surface);
     let mut label = vec![NO_SHEET; surface.points.len()];
     let mut count = 0;
-    for start in 0..label.len() {
-        if label[start] != NO_SHEET || !is_sure(&surface.points[start]) {
-            continue;
-        }
-        let mut stack = vec![id(start)];
-        label[start] = count;
-        while let Some(a) = stack.pop() {
-            for &b in &surface.adjacency[a as usize] {
-                let (from, to) = (&surface.points[a as usize], &surface.points[b as usize]);
-                if is_sure(to) && are_linked(from, to) && label[b as usize] == NO_SHEET {
-                    label[b as usize] = count;
-                    stack.push(b);
+    for bridge in [BRIDGE_STEPS, 0] {
+        for start in 0..label.len() {
+            let is_core = |p: usize| from_jump[p] >= bridge && is_sure(&surface.points[p]);
+            if label[start] != NO_SHEET || !is_core(start) {
+                continue;
+            }
+            label[start] = count;
+            let (mut piece, mut next) = (vec![id(start)], 0);
+            while next < piece.len() {
+                let a = piece[next] as usize;
+                for &b in &surface.adjacency[a] {
+                    if label[b as usize] == NO_SHEET && is_core(b as usize) && is_linked(surface, a, b as usize) {
+                        label[b as usize] = count;
+                        piece.push(b);
+                    }
                 }
+                next += 1;
+            }
+            if bridge > 0 && piece.len() < MIN_POINTS {
+                piece.iter().for_each(|&p| label[p as usize] = NO_SHEET);
+            } else {
+                count += 1;
             }
         }
-        count += 1;
+        grow_back(surface, &mut label);
     }
     label
+}
+
+/// Hands linked sure points to the sheet that reaches them in the fewest steps.
+fn grow_back(surface: &MedialSurface, label: &mut [u32]) {
+    let mut queue: VecDeque<u32> = (0..id(label.len())).filter(|&p| label[p as usize] != NO_SHEET).collect();
+    while let Some(a) = queue.pop_front() {
+        for &b in &surface.adjacency[a as usize] {
+            let (to, from) = (b as usize, a as usize);
+            if label[to] == NO_SHEET && is_sure(&surface.points[to]) && is_linked(surface, from, to) {
+                label[to] = label[from];
+                queue.push_back(b);
+            }
+        }
+    }
+}
+
+/// Steps along the surface to the nearest sure point whose foot jumps towards a sure neighbour;
+/// counted up to [`BRIDGE_STEPS`].
+fn steps_from_jumps(surface: &MedialSurface) -> Vec<usize> {
+    let is_sure = |p: usize| is_sure(&surface.points[p]);
+    let jumps = |p: usize| {
+        surface.adjacency[p].iter().any(|&b| is_sure(b as usize) && !is_linked(surface, p, b as usize))
+    };
+    let mut steps = vec![BRIDGE_STEPS; surface.points.len()];
+    let mut front: Vec<usize> = (0..steps.len()).filter(|&p| is_sure(p) && jumps(p)).collect();
+    for step in 0..BRIDGE_STEPS {
+        front.iter().for_each(|&p| steps[p] = step);
+        let around = front.iter().flat_map(|&p| &surface.adjacency[p]).map(|&b| b as usize);
+        front = around.filter(|&b| steps[b] > step + 1 || (step + 1 == BRIDGE_STEPS)).collect();
+        front.sort_unstable();
+        front.dedup();
+    }
+    steps
+}
+
+fn is_linked(surface: &MedialSurface, a: usize, b: usize) -> bool {
+    are_linked(&surface.points[a], &surface.points[b])
 }
 
 /// Whether a point belongs to a sheet beyond doubt.
@@ -282,8 +336,30 @@ fn join_across_pairs(surface: &MedialSurface, label: &mut [u32]) {
 fn stepped_pair(surface: &MedialSurface, label: &[u32]) -> Option<(u32, u32)> {
     contacts(surface, label).into_iter().find_map(|(pair, points)| {
         let lone = points.iter().filter(|&&p| !has_third_near(surface, label, pair, p)).count();
-        (2 * lone > points.len()).then_some(pair)
+        (2 * lone > points.len() && is_smooth(surface, label, &points)).then_some(pair)
     })
+}
+
+/// Whether two sheets go on into one another where they touch: on average their normals agree. A
+/// branch stands on the sheet it leaves.
+fn is_smooth(surface: &MedialSurface, label: &[u32], points: &BTreeSet<u32>) -> bool {
+    let mean = |p: u32| {
+        // The normals around the place, those of its own sheet only, as a quadratic form.
+        let own = |q: &u32| label[*q as usize] == label[p as usize];
+        let near = surface.adjacency[p as usize].iter().copied().filter(own).chain([p]);
+        near.map(|q| surface.points[q as usize].normal).map(|n| n * n.transpose()).sum::<Matrix3<f64>>()
+    };
+    let (mut sum, mut count) = (0.0, 0.0);
+    for &a in points {
+        for &b in surface.adjacency[a as usize].iter().filter(|b| points.contains(b) && a < **b) {
+            if label[a as usize] != label[b as usize] {
+                let (u, v) = (mean(a), mean(b));
+                sum += (u.dot(&v) / (u.norm() * v.norm()).max(1e-12)).max(0.0).sqrt();
+                count += 1.0;
+            }
+        }
+    }
+    sum >= SMOOTH_COSINE * f64::max(count, 1.0)
 }
 
 /// Whether a sheet other than two lies within a few steps along the surface.
