@@ -170,8 +170,8 @@ fn lattice(value: &Value) -> Result<LatticeKind, ParamsError> {
 fn correspondence(value: &Value) -> Result<Correspondence, ParamsError> {
     match value.as_str() {
         Some("paper") => Ok(Correspondence::Paper),
-        Some("anchored") => Err(wrong("correspondence", value, "\"paper\"; \"anchored\" is not available yet")),
-        _ => Err(wrong("correspondence", value, "\"paper\"")),
+        Some("anchored") => Ok(Correspondence::Anchored),
+        _ => Err(wrong("correspondence", value, "\"anchored\" or \"paper\"")),
     }
 }
 
@@ -239,6 +239,7 @@ pub fn params_to_json(params: &CheckedParams) -> Value {
         LatticeKind::Regular => "regular",
     };
     let correspondence = match params.correspondence {
+        Correspondence::Anchored => "anchored",
         Correspondence::Paper => "paper",
     };
     let prune = match params.prune {
@@ -352,7 +353,7 @@ mod tests {
             (r#"{"landmarks": "some"}"#, "landmarks"),
             (r#"{"landmarks": 2}"#, "landmarks"),
             (r#"{"lattice": "round"}"#, "lattice"),
-            (r#"{"correspondence": "anchored"}"#, "correspondence"),
+            (r#"{"correspondence": "nearest"}"#, "correspondence"),
             (r#"{"prune": 2}"#, "prune"),
             (r#"{"max_figures": 0}"#, "max_figures"),
             (r#"{"resolution_mm": -1}"#, "resolution_mm"),
@@ -381,7 +382,7 @@ mod tests {
 
     #[test]
     fn anchored_is_refused_by_name() {
-        let problem = Problem::from(&parse(br#"{"correspondence": "anchored"}"#).unwrap_err());
+        let problem = Problem::from(&parse(br#"{"correspondence": "nearest"}"#).unwrap_err());
         assert_eq!((problem.status, problem.code.as_str()), (422, "invalid_params"));
         assert_eq!(problem.location.as_deref(), Some("params.correspondence"));
         assert!(problem.detail.contains("\"anchored\" is not available yet"), "{}", problem.detail);

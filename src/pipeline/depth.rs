@@ -5,7 +5,7 @@ use nalgebra::{Point3, Vector3};
 
 use crate::numerics::components::{Connectivity, neighbors};
 use crate::numerics::distance::nearest_seed;
-use crate::numerics::field::{Field, id};
+use crate::numerics::field::{Field, floor_index, id};
 use crate::space::Grid;
 
 use super::mask::Solid;
@@ -48,6 +48,24 @@ impl SkinPoint {
         let along_normal = v.dot(&self.normal);
         let tangential = (v.norm_squared() - along_normal * along_normal).max(0.0).sqrt();
         along_normal.hypot((tangential - SKIN_REACH).max(0.0))
+    }
+}
+
+impl Depth {
+    /// Depth of a place below the skin, voxels: the least distance of the skin points nearest to
+    /// the voxels around it. 0 outside.
+    #[must_use]
+    pub fn at(&self, p: Point3<f64>) -> f64 {
+        let dims = self.depth.dims();
+        let base = [0, 1, 2].map(|a| floor_index(p[a]).min(dims[a] - 2));
+        let mut least = f64::INFINITY;
+        for bits in 0..8usize {
+            let corner = [base[0] + (bits & 1), base[1] + (bits >> 1 & 1), base[2] + (bits >> 2)];
+            if self.depth[corner] > 0.0 {
+                least = least.min(self.skin[self.nearest[corner] as usize].distance(p));
+            }
+        }
+        if least.is_finite() { least } else { 0.0 }
     }
 }
 

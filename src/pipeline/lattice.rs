@@ -22,7 +22,7 @@ const FIT_RADIUS: f64 = 5.0;
 /// voxels in a narrow tip, where the three surfaces end differently: lattices that run to the end of
 /// tips fold there (2 to 10 % of the corners on organs with tails, against 0 to 2.5 %). What is
 /// left free belongs to the crest.
-const RIM_INSET: f64 = 0.01;
+pub const RIM_INSET: f64 = 0.01;
 /// How far from its nearest point a fit may be read, voxels. The rim of a sheet lies up to one
 /// voxel beyond its outermost points.
 const OVERREACH: f64 = 2.0;
@@ -49,9 +49,9 @@ pub struct Lattice {
 
 /// A lattice over the region, or `None` when the region is empty.
 #[must_use]
-pub fn lattice(region: &Region, kind: LatticeKind, size: LatticeSize, margin: f64) -> Option<Lattice> {
+pub fn lattice(region: &Region, kind: LatticeKind, size: LatticeSize, margin: f64, inset: f64) -> Option<Lattice> {
     let (nodes, rim) = match kind {
-        LatticeKind::Fitted => fitted(&region.patch()?, size, margin),
+        LatticeKind::Fitted => fitted(&region.patch()?, size, margin, inset),
         LatticeKind::Regular => {
             let nodes = regular(region.bounds()?, size, margin);
             let rim = ring(size).into_iter().map(|n| nodes[n]).collect();
@@ -81,10 +81,10 @@ fn share(k: usize, count: usize, margin: f64) -> f64 {
 ///
 /// Harmonic shares crowd in hollows and thin out in tips. The patch is spaced evenly first, so that
 /// the margin is a share of the length of each line.
-fn fitted(patch: &Patch, size: LatticeSize, margin: f64) -> (Vec<Point2<f64>>, Vec<Point2<f64>>) {
+fn fitted(patch: &Patch, size: LatticeSize, margin: f64, inset: f64) -> (Vec<Point2<f64>>, Vec<Point2<f64>>) {
     /// Size of the lattice that spaces the patch.
     const EVEN: LatticeSize = LatticeSize { rows: 25, cols: 49 };
-    let even = evenly_spaced(patch, EVEN, RIM_INSET);
+    let even = evenly_spaced(patch, EVEN, inset);
     let places = |shares: &[Point2<f64>]| -> Vec<Point2<f64>> { shares.iter().map(|s| patch.at(*s)).collect() };
     let inner = Patch::of_nodes(EVEN.rows, EVEN.cols, &places(&even));
     let pushed: Vec<Point2<f64>> = even.iter().enumerate().map(|(n, s)| to_rim(EVEN, n, *s)).collect();
@@ -175,6 +175,8 @@ pub struct Node {
     pub tangents: [Vector3<f64>; 2],
     /// The value carried along.
     pub value: f64,
+    /// Derivative of the value along u and v.
+    pub slopes: [f64; 2],
 }
 
 impl<'a> SpaceFromPlane<'a> {
@@ -225,7 +227,8 @@ impl<'a> SpaceFromPlane<'a> {
     }
 
     /// The point nearest to `p`, and how far it is.
-    fn nearest(&self, p: Point2<f64>) -> (usize, f64) {
+    #[must_use]
+    pub fn nearest(&self, p: Point2<f64>) -> (usize, f64) {
         let distance = |k: usize| (self.flat[k] - p).norm();
         let closest =
             |points: &mut dyn Iterator<Item = usize>| points.min_by(|&a, &b| distance(a).total_cmp(&distance(b)));
@@ -245,11 +248,16 @@ impl<'a> SpaceFromPlane<'a> {
 
     fn bare(&self, k: usize) -> Node {
         let value = self.values.get(k).copied().unwrap_or(0.0);
-        Node { position: self.positions[k], tangents: [Vector3::x(), Vector3::y()], value }
+        Node { position: self.positions[k], tangents: [Vector3::x(), Vector3::y()], value, slopes: [0.0; 2] }
     }
 }
 
 fn as_node(fit: &LocalFit<4>) -> Node {
     let part = |v: &SVector<f64, 4>| Vector3::new(v[0], v[1], v[2]);
-    Node { position: Point3::from(part(&fit.value)), tangents: [part(&fit.du), part(&fit.dv)], value: fit.value[3] }
+    Node {
+        position: Point3::from(part(&fit.value)),
+        tangents: [part(&fit.du), part(&fit.dv)],
+        value: fit.value[3],
+        slopes: [fit.du[3], fit.dv[3]],
+    }
 }

@@ -39,6 +39,12 @@ pub mod lattice;
 
 pub mod spokes;
 
+pub mod rim;
+
+pub mod anchored;
+
+pub mod repair;
+
 pub mod quality;
 
 mod structure;

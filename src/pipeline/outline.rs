@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Matrix2, Point2, Point3, SymmetricEigen, Vector2};
+use nalgebra::{Matrix2, Matrix3, Point2, Point3, SymmetricEigen, Vector2, Vector3};
 
 use crate::numerics::components::{Connectivity, components};
 use crate::numerics::distance::nearest_seed;
@@ -23,6 +23,14 @@ const OVERHANG: f64 = 0.5;
 /// Standard deviation of the outline's smoothing, voxels: the rim of a voxel sheet is jagged by
 /// half a voxel.
 const OUTLINE_SIGMA: f64 = 1.0;
+/// Width over length of the outline beyond, at the stations of the corners. A disc has
+/// sin 45° / (π/4) = 0.9 there.
+const CORNER_RATIO: f64 = 0.9;
+/// Length of the outline at an end at the least, as a share of the mean width: pointed ends would
+/// squeeze all rows into a point.
+const LEAST_END: f64 = 0.4;
+/// Stations that are tried between an end and the middle.
+const END_STEPS: usize = 200;
 /// Free pixels around the points.
 const PADDING: usize = 12;
 
@@ -67,6 +75,53 @@ impl Region {
         Self { origin, level: Field(level), gap: Field(near), hole_share }
     }
 
+    /// The same region with another outline, counter-clockwise, no further than a few voxels away.
+    #[must_use]
+    pub fn reshaped(&self, outline: &[Point2<f64>]) -> Self {
+        /// Band around the outline in which the level is a distance, pixels.
+        const BAND: f64 = 3.0;
+        let mut level = self.level.clone();
+        let [nx, ny, _] = level.0.dims();
+        let place = |i: usize, j: usize| self.origin + Vector2::new(i as f64, j as f64) * PITCH;
+        let edge = |k: usize| (outline[k], outline[(k + 1) % outline.len()]);
+        let mut distance = vec![BAND * PITCH; nx * ny];
+        let mut turns = vec![0i32; nx * ny];
+        for (a, b) in (0..outline.len()).map(edge) {
+            let (low, high) = (a.coords.inf(&b.coords), a.coords.sup(&b.coords));
+            let pixel = |v: Vector2<f64>, add: f64| {
+                let at = (v - self.origin.coords) / PITCH;
+                [floor_index(at.x + add).min(nx - 1), floor_index(at.y + add).min(ny - 1)]
+            };
+            let (from, to) = (pixel(low, -BAND), pixel(high, BAND + 1.0));
+            for j in from[1]..=to[1] {
+                for i in from[0]..=to[0] {
+                    let p = place(i, j);
+                    let along = ((p - a).dot(&(b - a)) / (b - a).norm_squared().max(1e-12)).clamp(0.0, 1.0);
+                    let d = &mut distance[i + nx * j];
+                    *d = d.min((p - (a + (b - a) * along)).norm());
+                }
+                // Crossings of the pixel row to the left, with their sense.
+                let y = place(0, j).y;
+                if (a.y <= y) != (b.y <= y) {
+                    let x = a.x + (b.x - a.x) * (y - a.y) / (b.y - a.y);
+                    let first = floor_index(((x - self.origin.x) / PITCH).ceil()).min(nx);
+                    turns[nx * j + first.min(nx - 1)] += if b.y > a.y { -1 } else { 1 };
+                }
+            }
+        }
+        for j in 0..ny {
+            let mut winding = 0;
+            for i in 0..nx {
+                winding += turns[i + nx * j];
+                let sign = if winding > 0 { 1.0 } else { -1.0 };
+                #[expect(clippy::cast_possible_truncation, reason = "the field is f32")]
+                let value = (sign * distance[i + nx * j] / PITCH) as f32;
+                level.0.as_mut_slice()[i + nx * j] = value;
+            }
+        }
+        Self { level, ..self.clone() }
+    }
+
     /// Whether a point lies on the sheet: inside the outline, or as near to a point of the sheet as
     /// gaps in it may be wide.
     #[must_use]
@@ -91,20 +146,17 @@ impl Region {
         ([axis(first), axis(other)], [extent(first), extent(other)])
     }
 
-    /// The outline with a corner in each quadrant. `None` for an empty region.
-    ///
-    /// Corners lie on the diagonals of the rectangle that has the region's second moments: those of
-    /// a rectangle are its corners, an ellipse has them where both axes have the same share. Unlike
-    /// the places of largest curvature they do not jump when the outline changes a little.
+    /// The region as the image of the square, with the short sides across its two ends. `None` for
+    /// an empty region.
     #[must_use]
     pub fn patch(&self) -> Option<Patch> {
         let outline = self.outline();
         if outline.len() < 8 {
             return None;
         }
-        let (centre, half) = self.moment_box();
-        let at = |x: f64, y: f64| corner(&outline, centre, half.component_mul(&Vector2::new(x, y)), half);
-        let corners = [at(-1.0, -1.0), at(1.0, -1.0), at(1.0, 1.0), at(-1.0, 1.0)];
+        let axis = Axis::of(self);
+        let [from, to] = [1.0, -1.0].map(|end| axis.end(&outline, end));
+        let corners = [to[1], from[0], from[1], to[0]];
         let side = |k: usize| Arc::between(&outline, corners[k], corners[(k + 1) % 4]);
         let sides = [side(0), side(1), side(2), side(3)];
         Some(Patch::harmonic(self, &sides))
@@ -118,13 +170,6 @@ impl Region {
         let low = outline.iter().fold(first.coords, |a, p| a.inf(&p.coords));
         let high = outline.iter().fold(first.coords, |a, p| a.sup(&p.coords));
         Some([low.into(), high.into()])
-    }
-
-    /// Centre of the area, and half the sides of the axis-aligned rectangle with its moments.
-    fn moment_box(&self) -> (Point2<f64>, Vector2<f64>) {
-        let (count, mean, second) = self.moments();
-        let variance = second.diagonal() / count - mean.component_mul(&mean);
-        (self.origin + mean, variance.map(|v| (3.0 * v.max(PITCH * PITCH)).sqrt()))
     }
 
     /// Number of inside pixels (at least 1), mean of their positions from the origin, and sum of
@@ -144,7 +189,8 @@ impl Region {
     }
 
     /// The longest closed curve where the level is 0, counter-clockwise (marching squares).
-    fn outline(&self) -> Vec<Point2<f64>> {
+    #[must_use]
+    pub fn outline(&self) -> Vec<Point2<f64>> {
         let next = self.crossings();
         let mut unused: std::collections::BTreeSet<usize> = next.keys().copied().collect();
         let mut best: Vec<usize> = Vec::new();
@@ -212,31 +258,95 @@ impl Region {
     }
 }
 
-/// Where the ray from `centre` along `direction` last crosses the outline: the edge of the outline
-/// and the position on it. If it never does (a centre outside of a bent region), the farthest
-/// point in that direction.
-fn corner(outline: &[Point2<f64>], centre: Point2<f64>, direction: Vector2<f64>, half: Vector2<f64>) -> (usize, f64) {
-    let side = |p: &Point2<f64>| direction.perp(&(p - centre));
-    let ahead = |p: &Point2<f64>| direction.dot(&(p - centre));
-    let mut best = None::<(f64, usize, f64)>;
-    for (k, p) in outline.iter().enumerate() {
-        let q = &outline[(k + 1) % outline.len()];
-        let (a, b) = (side(p), side(q));
-        if (a > 0.0) == (b > 0.0) {
-            continue;
+/// The long axis of a region, bent as the region is: v = c₀ + c₁u + c₂u², fitted to its area.
+struct Axis {
+    coefficients: Vector3<f64>,
+    centre: Point2<f64>,
+    /// Area over length.
+    width: f64,
+}
+
+impl Axis {
+    fn of(region: &Region) -> Self {
+        let (count, mean, second) = region.moments();
+        let centre = region.origin + mean;
+        let spread = (second[(0, 0)] / count - mean.x * mean.x).max(PITCH * PITCH).sqrt();
+        let grid = &region.level.0;
+        let (mut normal, mut right) = (Matrix3::identity() * 1e-9, Vector3::zeros());
+        for o in (0..grid.as_slice().len()).filter(|&o| grid.as_slice()[o] > 0.0) {
+            let [i, j, _] = grid.index(o);
+            let p = region.origin + Vector2::new(i as f64, j as f64) * PITCH - centre;
+            let row = Vector3::new(1.0, p.x / spread, (p.x / spread).powi(2));
+            normal += row * row.transpose();
+            right += row * p.y;
         }
-        let t = a / (a - b);
-        let reach = ahead(p) + (ahead(q) - ahead(p)) * t;
-        if reach > 0.0 && best.is_none_or(|x| reach > x.0) {
-            best = Some((reach, k, t));
+        let fit = normal.cholesky().map_or_else(Vector3::zeros, |c| c.solve(&right));
+        let coefficients = fit.component_div(&Vector3::new(1.0, spread, spread * spread));
+        // The side of a rectangle is √12 times its root second moment.
+        let width = count * PITCH * PITCH / (12.0f64.sqrt() * spread);
+        Self { coefficients, centre, width }
+    }
+
+    /// How far along the axis a point lies: the u of its foot.
+    fn station(&self, p: &Point2<f64>) -> f64 {
+        let p = p - self.centre;
+        let [c0, c1, c2] = self.coefficients.into();
+        let mut u = p.x;
+        for _ in 0..4 {
+            let (height, slope) = (p.y - c0 - c1 * u - c2 * u * u, c1 + 2.0 * c2 * u);
+            let step = (p.x - u + height * slope) / (1.0 + slope * slope - 2.0 * c2 * height).max(0.3);
+            u += step;
         }
+        u
     }
-    if let Some((_, k, t)) = best {
-        return (k, t);
+
+    /// The two corners at an end (+1 or −1) of a region: the places, before and after the tip, where
+    /// the outline passes the station across which the width is [`CORNER_RATIO`] of the outline
+    /// beyond. That is 45° to either side of the tip of a disc and just behind the corners of a
+    /// rectangle. Both lengths change little with the outline, so corners do not jump.
+    fn end(&self, outline: &[Point2<f64>], end: f64) -> [(usize, f64); 2] {
+        let count = outline.len();
+        let stations: Vec<f64> = outline.iter().map(|p| end * self.station(p)).collect();
+        let tip = (0..count).max_by(|&a, &b| stations[a].total_cmp(&stations[b])).unwrap_or(0);
+        let place = |(k, t): (usize, f64)| outline[k] + (outline[(k + 1) % count] - outline[k]) * t;
+        let length = |from: usize, to: usize| {
+            let mut sum = 0.0;
+            let mut k = from;
+            while k != to {
+                let next = (k + 1) % count;
+                sum += (outline[next] - outline[k]).norm();
+                k = next;
+            }
+            sum
+        };
+        // Where the outline falls below a station, going each way from the tip.
+        let crossing = |station: f64, forward: bool| {
+            let mut k = tip;
+            for _ in 0..count {
+                let next = if forward { (k + 1) % count } else { (k + count - 1) % count };
+                if stations[next] < station {
+                    let t = (stations[k] - station) / (stations[k] - stations[next]).max(1e-12);
+                    return if forward { (k, t) } else { (next, 1.0 - t) };
+                }
+                k = next;
+            }
+            (tip, 0.0)
+        };
+        let lowest = stations.iter().copied().fold(f64::INFINITY, f64::min);
+        let half = (stations[tip] - lowest) / 2.0;
+        let mut corners = [(tip, 0.0); 2];
+        for step in 1..=END_STEPS {
+            let station = stations[tip] - half * step as f64 / END_STEPS as f64;
+            corners = [crossing(station, false), crossing(station, true)];
+            let (a, b) = (place(corners[0]), place(corners[1]));
+            let after = outline[(corners[0].0 + 1) % count];
+            let beyond = (after - a).norm() + length((corners[0].0 + 1) % count, corners[1].0) + (b - outline[corners[1].0]).norm();
+            if (b - a).norm() < CORNER_RATIO * beyond && beyond > LEAST_END * self.width {
+                break;
+            }
+        }
+        corners
     }
-    let scaled = |p: &Point2<f64>| (p - centre).component_div(&half).dot(&direction.component_div(&half));
-    let farthest = (0..outline.len()).max_by(|&a, &b| scaled(&outline[a]).total_cmp(&scaled(&outline[b])));
-    (farthest.unwrap_or(0), 0.0)
 }
 
 /// A piece of the outline, read by the share of its length.

@@ -55,6 +55,8 @@ pub enum LatticeKind {
 /// How medial and surface nodes are paired.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Correspondence {
+    /// One parameterisation of the medial sheet, carried to both sides along the spokes.
+    Anchored,
     /// Three independent embeddings, rigidly aligned, paired by (i, j).
     Paper,
 }
@@ -105,7 +107,7 @@ impl Default for Params {
             neighbors: Neighbors::Auto,
             landmarks: Landmarks::Auto,
             lattice: LatticeKind::Fitted,
-            correspondence: Correspondence::Paper,
+            correspondence: Correspondence::Anchored,
             prune: Prune::Auto,
             max_figures: None,
             resolution_mm: None,

@@ -9,7 +9,7 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 
 use crate::numerics::components::{Connectivity, neighbors};
 use crate::numerics::field::id;
@@ -61,6 +61,8 @@ pub struct SheetSides {
     pub lower: Side,
     /// Skin points of the crest.
     pub crest: usize,
+    /// Medial points where this sheet meets others, on both sides of the hinges.
+    pub hinge: Vec<Point3<f64>>,
 }
 
 /// Splits the skin into the sides of the sheets.
@@ -76,7 +78,7 @@ pub fn sides(
     let mut all = Vec::new();
     let mut normal_of = vec![Vector3::zeros(); surface.points.len()];
     let mut local_of = vec![u32::MAX; surface.points.len()];
-    for members in &sheets.members {
+    for (number, members) in sheets.members.iter().enumerate() {
         let whole = surface.part(members);
         let members: Vec<u32> = whole.largest_piece().into_iter().map(|k| members[k as usize]).collect();
         let medial = surface.part(&members);
@@ -86,7 +88,9 @@ pub fn sides(
             local_of[p as usize] = id(local);
         }
         let radii = members.iter().map(|&p| surface.points[p as usize].radius).collect();
-        all.push(SheetSides { medial, normals, radii, ..SheetSides::default() });
+        let met = sheets.hinges.iter().filter(|h| h.sheets.contains(&id(number)));
+        let hinge = met.flat_map(|h| &h.points).map(|&p| surface.points[p as usize].position).collect();
+        all.push(SheetSides { medial, normals, radii, hinge, ..SheetSides::default() });
     }
     let mut classes: Vec<[Vec<(u32, u32)>; 2]> = vec![[Vec::new(), Vec::new()]; all.len()];
     let balls = Balls::of(surface, |p| local_of[p] != u32::MAX);

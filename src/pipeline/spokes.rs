@@ -57,7 +57,7 @@ pub fn align_sides(sheet: &SheetSides, flat: &mut PerSurface<Flat>) {
 /// Lattices on the three aligned embeddings. `None` when a region is empty.
 #[must_use]
 pub fn lattices(flat: &PerSurface<Flat>, params: &CheckedParams, size: LatticeSize) -> Option<PerSurface<Lattice>> {
-    let on = |flat: &Flat| lattice(&Region::of(&flat.points), params.lattice, size, params.margin);
+    let on = |flat: &Flat| lattice(&Region::of(&flat.points), params.lattice, size, params.margin, super::lattice::RIM_INSET);
     Some(PerSurface { medial: on(&flat.medial)?, upper: on(&flat.upper)?, lower: on(&flat.lower)? })
 }
 
@@ -104,7 +104,7 @@ fn onto_boundary(level: &Field, from: Point3<f64>) -> Point3<f64> {
 
 /// The crest point of every node of the lattice's edge: where the sheet, carried on outward past
 /// its rim in its own plane, meets the boundary.
-fn crest(level: &Field, lattice: &Lattice, medial: &[Node], map: &SpaceFromPlane<'_>) -> Vec<Point3<f64>> {
+pub fn crest(level: &Field, lattice: &Lattice, medial: &[Node], map: &SpaceFromPlane<'_>) -> Vec<Point3<f64>> {
     let edge = ring(lattice.size).into_iter().zip(&lattice.rim);
     edge.map(|(n, rim)| {
         let node = &medial[n];

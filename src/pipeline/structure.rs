@@ -7,7 +7,7 @@ use nalgebra::{Point2, Point3};
 use crate::numerics::surface_nets::zero_surface;
 use crate::space::{LabelVolume, ParamPoint, WorldPoint};
 
-use super::depth::depth;
+use super::depth::{Depth, depth};
 use super::frame::canonical;
 use super::isomap::{Flat, IsomapError, flatten};
 use super::mask::{LabelBox, Solid, solid};
@@ -23,6 +23,10 @@ use super::refusal::Refusal;
 use super::sheets::{Sheets, sheets};
 use super::sides::{SheetSides, sides};
 use super::spokes::{Nodes, align_sides, lattices, paper};
+use super::anchored::anchored;
+use super::lattice::lattice;
+use super::rim::to_rim;
+use super::params::Correspondence;
 
 /// Medial points that the main sheet needs: fewer are less than a lattice of 3 × 3 nodes with
 /// something to fit each to.
@@ -140,7 +144,7 @@ impl Work<'_> {
         out.timings = timings;
         check_sheet(&surface, &sheets, &solid)?;
         let sheet_sides = self.stage(&mut timings, Stage::Sides, || sides(&solid, &depth, &surface, &sheets))??;
-        let drafts = self.drafts(&solid, &sheet_sides, &mut timings, &mut out.warnings)?;
+        let drafts = self.drafts(&solid, &depth, &sheet_sides, &mut timings, &mut out.warnings)?;
         out.timings = timings;
         let figures: Vec<Nodes> = drafts.iter().flatten().map(|d| d.nodes.clone()).collect();
         self.stage(&mut timings, Stage::Quality, || {
@@ -164,13 +168,14 @@ impl Work<'_> {
     fn drafts(
         &self,
         solid: &Solid,
+        depth: &Depth,
         sheets: &[SheetSides],
         timings: &mut StageTimings,
         warnings: &mut Vec<Warning>,
     ) -> Result<Vec<Option<Draft>>, Stop> {
         let mut drafts = Vec::new();
         for (number, sheet) in sheets.iter().enumerate() {
-            match self.draft(solid, sheet, number, timings, warnings) {
+            match self.draft(solid, depth, sheet, number, timings, warnings) {
                 Ok(draft) => drafts.push(Some(draft)),
                 Err(Stop::Refused(refusal)) if number > 0 => {
                     let message = format!("sheet {number} was left out: {refusal}");
@@ -186,6 +191,7 @@ impl Work<'_> {
     fn draft(
         &self,
         solid: &Solid,
+        depth: &Depth,
         sheet: &SheetSides,
         number: usize,
         timings: &mut StageTimings,
@@ -205,6 +211,17 @@ impl Work<'_> {
             GridChoice::Fixed(size) => size,
             GridChoice::Auto => automatic_size(&region, self.params.spacing_mm.map(|s| s / solid.voxel_mm)),
         };
+        if self.params.correspondence == Correspondence::Anchored {
+            let (whole, lattice) = self.stage(timings, Stage::Lattice, || {
+                let whole = to_rim(sheet, &flat.medial.points, &region, &sheet.hinge, solid, depth);
+                let lattice = lattice(&whole.region, self.params.lattice, size, self.params.margin, 0.0);
+                (whole, lattice)
+            })?;
+            let lattice = lattice.ok_or(Refusal::TooSmall { points: sheet.medial.positions.len(), needed: MIN_SHEET_POINTS })?;
+            let (nodes, repaired) = self.stage(timings, Stage::Spokes, || anchored(solid, sheet, &whole, lattice))?;
+            if std::env::var("DBG").is_ok() { eprintln!("{repaired:?}"); }
+            return Ok(Draft { nodes, flat });
+        }
         let lattices = self.stage(timings, Stage::Lattice, || lattices(&flat, self.params, size))?;
         let needed = MIN_SHEET_POINTS;
         let lattices = lattices.ok_or(Refusal::TooSmall { points: sheet.medial.positions.len(), needed })?;
@@ -233,12 +250,20 @@ impl Work<'_> {
             }
             Ok::<Flat, Stop>(flat)
         };
+        let mut medial = flat_of("medial", &sheet.medial)?;
+        medial.points = canonical(&medial.points, &sheet.medial.positions, &solid.world_from_work);
+        if self.params.correspondence == Correspondence::Anchored {
+            let carried = |side: &super::sides::Side| Flat {
+                points: side.partners.iter().map(|&p| medial.points[p as usize]).collect(),
+                ..medial.clone()
+            };
+            return Ok(PerSurface { upper: carried(&sheet.upper), lower: carried(&sheet.lower), medial });
+        }
         let mut flat = PerSurface {
-            medial: flat_of("medial", &sheet.medial)?,
+            medial,
             upper: flat_of("upper", &sheet.upper.surface)?,
             lower: flat_of("lower", &sheet.lower.surface)?,
         };
-        flat.medial.points = canonical(&flat.medial.points, &sheet.medial.positions, &solid.world_from_work);
         align_sides(sheet, &mut flat);
         Ok(flat)
     }

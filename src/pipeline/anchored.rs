@@ -1,0 +1,87 @@
+//! Stage 7, `anchored`: the medial lattice alone is laid out; its nodes are carried to both sides
+//! along the spokes.
+//!
+//! With the sheet m and the radius R smooth, the ball at m touches the boundary at
+//! m − R∇R ± R√(1 − |∇R|²) n (Blum; Damon, *Smoothness and geometry of boundaries associated to
+//! skeletal structures*, 2003). We walk that way to the sub-voxel boundary.
+
+use nalgebra::{Point2, Vector3};
+
+use super::lattice::{Lattice, Node, SpaceFromPlane};
+use super::mask::Solid;
+use super::model::PerSurface;
+use super::repair::{Repaired, Spread};
+use super::rim::WholeSheet;
+use super::sides::SheetSides;
+use super::spokes::{Nodes, crest};
+
+/// Slope of the radius at most: at 1 both spokes lie in the sheet.
+const MAX_SLOPE: f64 = 0.95;
+
+/// Nodes of the sheet's lattice and where their spokes end.
+#[must_use]
+pub fn anchored(solid: &Solid, sheet: &SheetSides, whole: &WholeSheet, mut lattice: Lattice) -> (Nodes, Repaired) {
+    let map = SpaceFromPlane::new(&whole.flat, &whole.positions, &whole.radii);
+    let medial: Vec<Node> = lattice.nodes.iter().map(|p| map.node(*p)).collect();
+    let hand = upper_sign(&lattice, &medial, &map, sheet);
+    let spokes: Vec<[Vector3<f64>; 2]> = medial.iter().map(|n| spoke_directions(n, hand)).collect();
+    let directions = [0, 1].map(|side| spokes.iter().map(|s| s[side]).collect::<Vec<_>>());
+    let length = |node: &Node, direction: Vector3<f64>| length(solid, node, direction);
+    let lengths = [0, 1].map(|side| (0..medial.len()).map(|n| length(&medial[n], spokes[n][side])).collect());
+    let node_at = |p: Point2<f64>| map.node(p);
+    let mut spread = Spread {
+        size: lattice.size,
+        flat: std::mem::take(&mut lattice.nodes),
+        medial,
+        directions,
+        lengths,
+        node_at: &node_at,
+        length: &length,
+        // Columns run along u, rows along v: the normal of (i, j) is that of (v, u).
+        hand: -hand,
+    };
+    let repaired = if std::env::var("NOREP").is_ok() { Repaired::default() } else { spread.repair() };
+    lattice.nodes = spread.flat.clone();
+    let crest = crest(&solid.level, &lattice, &spread.medial, &map);
+    let nodes = Nodes {
+        size: lattice.size,
+        radii: spread.medial.iter().map(|n| n.value).collect(),
+        upper: spread.ends(0),
+        lower: spread.ends(1),
+        medial: spread.medial.iter().map(|n| n.position).collect(),
+        crest,
+        valid: lattice.valid,
+        intrinsic: PerSurface { medial: lattice.nodes.clone(), upper: lattice.nodes.clone(), lower: lattice.nodes },
+    };
+    (nodes, repaired)
+}
+
+/// +1 when the normals of the nodes' tangents point to the upper side, else −1.
+fn upper_sign(lattice: &Lattice, medial: &[Node], map: &SpaceFromPlane<'_>, sheet: &SheetSides) -> f64 {
+    let agree = |(p, node): (&nalgebra::Point2<f64>, &Node)| {
+        let normal = node.tangents[0].cross(&node.tangents[1]).normalize();
+        sheet.normals.get(map.nearest(*p).0).map_or(0.0, |n| normal.dot(n))
+    };
+    if lattice.nodes.iter().zip(medial).map(agree).sum::<f64>() < 0.0 { -1.0 } else { 1.0 }
+}
+
+/// Unit directions of the upper and the lower spoke.
+fn spoke_directions(node: &Node, sign: f64) -> [Vector3<f64>; 2] {
+    let [pu, pv] = node.tangents;
+    let normal = pu.cross(&pv).try_normalize(1e-9).unwrap_or_else(Vector3::z) * sign;
+    let (g11, g12, g22) = (pu.norm_squared(), pu.dot(&pv), pv.norm_squared());
+    let det = (g11 * g22 - g12 * g12).max(1e-9);
+    let [ru, rv] = node.slopes;
+    let gradient = pu * ((g22 * ru - g12 * rv) / det) + pv * ((g11 * rv - g12 * ru) / det);
+    let slope = gradient.norm();
+    let gradient = gradient * (slope.min(MAX_SLOPE) / slope.max(1e-9));
+    let height = (1.0 - gradient.norm_squared()).sqrt();
+    [normal * height - gradient, -normal * height - gradient]
+}
+
+/// Length of a spoke to the sub-voxel boundary, voxels.
+fn length(solid: &Solid, node: &Node, direction: Vector3<f64>) -> f64 {
+    let reach = 3.0 * node.value.max(1.0) + 4.0;
+    solid.level.first_zero(node.position, direction, reach).unwrap_or(node.value)
+}
+

@@ -1,0 +1,171 @@
+//! Legality by construction: vectors that cross are turned until they do not.
+//!
+//! With S = M + t d the Jacobian of a cell at the surface is t · det(M_i + t d_i, M_j + t d_j, d):
+//! lengths do not fold a cell, only directions that run together faster than the sheet's nodes
+//! do. Averaging the directions of a folded cell with those around it therefore undoes the fold;
+//! where the sheet itself is folded its nodes are moved between their neighbours; what is left
+//! after that is shortened.
+
+use nalgebra::{Point2, Point3, Vector3};
+
+use super::lattice::Node;
+use super::params::LatticeSize;
+
+/// Rounds of turning directions.
+const TURNS: usize = 40;
+/// Rounds in which nodes are moved too.
+const MOVES: usize = 30;
+/// Rounds in which vectors are shortened too.
+const CUTS: usize = 20;
+/// What a vector is shortened by in a round.
+const CUT: f64 = 0.85;
+/// Least Jacobian of a legal corner, as a share of the volume its edges would span at right angles.
+const LEAST: f64 = 0.02;
+
+/// A lattice whose spokes are being laid.
+pub struct Spread<'a> {
+    /// Its size.
+    pub size: LatticeSize,
+    /// Plane coordinates of the nodes.
+    pub flat: Vec<Point2<f64>>,
+    /// The nodes.
+    pub medial: Vec<Node>,
+    /// Unit directions of the upper and the lower spokes.
+    pub directions: [Vec<Vector3<f64>>; 2],
+    /// Their lengths, voxels.
+    pub lengths: [Vec<f64>; 2],
+    /// Node of a place in the plane.
+    pub node_at: &'a dyn Fn(Point2<f64>) -> Node,
+    /// Length of a spoke from a node along a direction.
+    pub length: &'a dyn Fn(&Node, Vector3<f64>) -> f64,
+    /// +1 when the upper spokes and (i, j) make a right-handed frame, else −1.
+    pub hand: f64,
+}
+
+/// What was done.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Repaired {
+    /// Corners that were illegal before.
+    pub before: usize,
+    /// Nodes with a spoke turned, a place moved, or a spoke shortened.
+    pub nodes: usize,
+    /// Of these, nodes with a spoke that no longer reaches the surface.
+    pub shortened: usize,
+}
+
+impl Spread<'_> {
+    fn end(&self, side: usize, n: usize) -> Point3<f64> {
+        self.medial[n].position + self.directions[side][n] * self.lengths[side][n]
+    }
+
+    /// Ends of the spokes of a side.
+    #[must_use]
+    pub fn ends(&self, side: usize) -> Vec<Point3<f64>> {
+        (0..self.medial.len()).map(|n| self.end(side, n)).collect()
+    }
+
+    /// Corners of the cell (i, j) on one side that are illegal: in the sheet, at the surface.
+    fn illegal(&self, side: usize, i: usize, j: usize) -> [usize; 2] {
+        let quad = [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(di, dj)| (i + di) * self.size.cols + j + dj);
+        let sign = if side == 0 { self.hand } else { -self.hand };
+        let medial = quad.map(|n| self.medial[n].position);
+        let skin = quad.map(|n| self.end(side, n));
+        [medial, skin].map(|layer| {
+            (0..4)
+                .filter(|&k| {
+                    let a = layer[2 | (k & 1)] - layer[k & 1];
+                    let b = layer[(k & 2) | 1] - layer[k & 2];
+                    let w = skin[k] - medial[k];
+                    sign * a.cross(&b).dot(&w) <= LEAST * a.norm() * b.norm() * w.norm()
+                })
+                .count()
+        })
+    }
+
+    /// All illegal corners, and for each node whether it is part of an illegal cell: on the upper,
+    /// the lower side, in the sheet.
+    fn look(&self) -> (usize, Vec<[bool; 3]>) {
+        let cols = self.size.cols;
+        let mut marked = vec![[false; 3]; self.medial.len()];
+        let mut count = 0;
+        for side in 0..2 {
+            for i in 0..self.size.rows - 1 {
+                for j in 0..cols - 1 {
+                    let [inner, outer] = self.illegal(side, i, j);
+                    count += inner + outer;
+                    for n in [i * cols + j, i * cols + j + 1, (i + 1) * cols + j, (i + 1) * cols + j + 1] {
+                        marked[n][side] |= inner + outer > 0;
+                        marked[n][2] |= inner > 0;
+                    }
+                }
+            }
+        }
+        (count, marked)
+    }
+
+    /// Nodes around a node, itself not included.
+    fn around(&self, n: usize, diagonals: bool) -> impl Iterator<Item = usize> + '_ {
+        let LatticeSize { rows, cols } = self.size;
+        let (i, j) = ((n / cols) as isize, (n % cols) as isize);
+        let steps = (-1..=1).flat_map(|a| (-1..=1).map(move |b| (a, b)));
+        steps
+            .filter(move |&(a, b)| (a, b) != (0, 0) && (diagonals || a == 0 || b == 0))
+            .map(move |(a, b)| (i + a, j + b))
+            .filter(move |&(a, b)| a >= 0 && b >= 0 && a < rows as isize && b < cols as isize)
+            .map(move |(a, b)| (a * cols as isize + b) as usize)
+    }
+
+    /// Turns, moves and shortens until nothing is illegal, or the rounds are over.
+    pub fn repair(&mut self) -> Repaired {
+        let mut done = Repaired::default();
+        let mut touched = vec![false; self.medial.len()];
+        let mut cut = vec![false; self.medial.len()];
+        for round in 0..TURNS + MOVES + CUTS {
+            let (count, marked) = self.look();
+            if round == 0 {
+                done.before = count;
+            }
+            if count == 0 {
+                break;
+            }
+            if round >= TURNS {
+                self.move_nodes(&marked);
+            }
+            for side in 0..2 {
+                let old = self.directions[side].clone();
+                for n in (0..marked.len()).filter(|&n| marked[n][side]) {
+                    let sum = old[n] + self.around(n, true).map(|m| old[m]).sum::<Vector3<f64>>();
+                    self.directions[side][n] = sum.try_normalize(1e-9).unwrap_or(old[n]);
+                    touched[n] = true;
+                    let length = (self.length)(&self.medial[n], self.directions[side][n]);
+                    self.lengths[side][n] = if round < TURNS + MOVES {
+                        length
+                    } else {
+                        cut[n] = true;
+                        self.lengths[side][n] * CUT
+                    };
+                }
+            }
+        }
+        done.nodes = touched.iter().filter(|t| **t).count();
+        done.shortened = cut.iter().filter(|t| **t).count();
+        done
+    }
+
+    /// Moves the nodes of folded quads between their neighbours.
+    fn move_nodes(&mut self, marked: &[[bool; 3]]) {
+        let old = self.flat.clone();
+        for n in (0..marked.len()).filter(|&n| marked[n][2]) {
+            let (mut sum, mut count) = (old[n].coords, 1.0);
+            for m in self.around(n, false) {
+                sum += old[m].coords;
+                count += 1.0;
+            }
+            self.flat[n] = Point2::from(sum / count);
+            self.medial[n] = (self.node_at)(self.flat[n]);
+            for side in 0..2 {
+                self.lengths[side][n] = (self.length)(&self.medial[n], self.directions[side][n]);
+            }
+        }
+    }
+}
