@@ -35,9 +35,9 @@ const SEED: u64 = 0x6d65_6469_616c_7265;
 /// The solid of one repeat, `number` from 1. The same number gives the same solid, whatever thread
 /// it is made on.
 #[must_use]
-pub fn perturbed(solid: &Solid, number: u64) -> Solid {
+pub fn perturbed(solid: Solid, number: u64) -> Solid {
     let native = solid.native.world_from_voxel.spacing_mm().map(|s| s / solid.voxel_mm);
-    let slack = slack(solid, native);
+    let slack = slack(&solid, native);
     let noise = noise(solid.level.0.dims(), native, number);
     let old = &solid.level.0;
     let dims = old.dims();
@@ -53,7 +53,7 @@ pub fn perturbed(solid: &Solid, number: u64) -> Solid {
         level.as_mut_slice()[offset] += change;
     }
     let inside = keep_one_piece(&mut level);
-    Solid { inside, level: Field(level), ..solid.clone() }
+    Solid { inside, level: Field(level), ..solid }
 }
 
 /// Length of the gradient at an inner voxel, by central differences.

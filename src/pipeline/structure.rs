@@ -119,7 +119,15 @@ impl Work<'_> {
         let muted = Muted(self.observer);
         add_uncertainty(&mut structure.figures, repeats, structure.working_voxel_mm, |repeat| {
             Ok(Work { observer: &muted, repeat: Some(repeat), ..*self }.run()?.figures)
-        })
+        })?;
+        for (number, figure) in structure.figures.iter().enumerate() {
+            let matched = figure.uncertainty.as_ref().map_or(0, |found| found.matched);
+            if 2 * matched < repeats {
+                let message = format!("figure {number} was found again in {matched} of {repeats} repeats only");
+                structure.warnings.push(Warning { code: "uncertainty_unmatched", message });
+            }
+        }
+        Ok(())
     }
 
     fn blank(&self) -> Structure {
@@ -158,7 +166,7 @@ impl Work<'_> {
         let prepared = self.stage(&mut timings, Stage::Distance, || {
             let solid = solid(self.volume, self.index, self.bounds, params.resolution_mm, &mut warnings)?;
             let solid = match self.repeat {
-                Some(repeat) => perturbed(&solid, repeat.number),
+                Some(repeat) => perturbed(solid, repeat.number),
                 None => solid,
             };
             let depth = depth(&solid);

@@ -69,7 +69,6 @@ fn check_size(shape: Shape, rotation: Rotation3<f64>) {
     let figure = figure_of(&on_grid(shape, rotation, PHASES[0]), with_repeats(8));
     let found = figure.uncertainty.expect("asked for");
     let reported = rms(inner(&found.total_mm).into_iter());
-    println!("actual {actual:.3} mm, reported {reported:.3} mm, {} matched", found.matched);
     assert_eq!((found.repeats, found.matched), (8, 8));
     assert!((0.5..2.0).contains(&(reported / actual)), "actual {actual:.3} mm, reported {reported:.3} mm");
 }
@@ -111,6 +110,22 @@ fn repeats_keep_the_lattice_that_was_chosen() {
     let found = figure.uncertainty.expect("asked for");
     assert_eq!((found.matched, found.total_mm.len()), (3, figure.medial.len()));
     assert!(found.upper_mm.iter().chain(&found.lower_mm).all(|sd| sd.is_finite() && *sd < 2.0));
+}
+
+#[test]
+fn voxels_three_times_as_long_leave_more_open() {
+    let coarse = |z_mm: f64| {
+        let world = WorldFromVoxel::axis_aligned([1.0, 1.0, z_mm], [-27.9, -19.3, -11.7]).expect("a box");
+        let mut indices = Grid::filled([56, 40, 26], 0u16);
+        for offset in 0..indices.as_slice().len() {
+            let at = Point3::from(indices.index(offset).map(|x| x as f64));
+            indices.as_mut_slice()[offset] = u16::from(in_ellipsoid(world.point(at)));
+        }
+        let found = figure_of(&counted(indices, world), with_repeats(4)).uncertainty.expect("asked for");
+        rms(inner(&found.total_mm).into_iter())
+    };
+    let (even, long) = (coarse(1.0), coarse(3.0));
+    assert!(long > 1.5 * even, "{even:.3} mm with even voxels, {long:.3} mm with long ones");
 }
 
 /// Stops once the result itself is done.
