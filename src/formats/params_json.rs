@@ -17,7 +17,7 @@ pub const MAX_BYTES: usize = 1 << 16;
 const MAX_ECHO: usize = 60;
 
 /// Every parameter's name, in the order of the contract.
-pub const NAMES: [&str; 11] = [
+pub const NAMES: [&str; 12] = [
     "labels",
     "grid",
     "spacing_mm",
@@ -29,6 +29,7 @@ pub const NAMES: [&str; 11] = [
     "prune",
     "max_figures",
     "resolution_mm",
+    "uncertainty",
 ];
 
 /// Why a text holds no parameters.
@@ -94,6 +95,7 @@ fn set(params: &mut Params, name: &str, value: &Value) -> Result<(), ParamsError
         "prune" => params.prune = prune(value)?,
         "max_figures" => params.max_figures = optional(value, |v| count("max_figures", v))?,
         "resolution_mm" => params.resolution_mm = optional(value, |v| number("resolution_mm", v))?,
+        "uncertainty" => params.uncertainty = count("uncertainty", value)?,
         _ => {}
     }
     Ok(())
@@ -258,6 +260,7 @@ pub fn params_to_json(params: &CheckedParams) -> Value {
         "prune": prune,
         "max_figures": params.max_figures,
         "resolution_mm": params.resolution_mm,
+        "uncertainty": params.uncertainty,
     })
 }
 
@@ -363,6 +366,9 @@ mod tests {
             (r#"{"labels": [1.5]}"#, "labels"),
             (r#"{"labels": 1}"#, "labels"),
             (r#"{"spacing_mm": 2}"#, "spacing_mm"),
+            (r#"{"uncertainty": 65}"#, "uncertainty"),
+            (r#"{"uncertainty": -1}"#, "uncertainty"),
+            (r#"{"uncertainty": "yes"}"#, "uncertainty"),
         ] {
             assert_eq!(refused_field(text), field, "{text}");
         }
@@ -394,7 +400,7 @@ mod tests {
             "{}",
             r#"{"labels": [11, -3], "grid": "auto", "spacing_mm": 2.5, "neighbors": {"k": 12}, "landmarks": "all"}"#,
             r#"{"grid": {"rows": 4, "cols": 9}, "neighbors": {"epsilon_mm": 4.0}, "landmarks": 60, "prune": 0.25}"#,
-            r#"{"lattice": "regular", "correspondence": "paper", "max_figures": 3, "resolution_mm": null}"#,
+            r#"{"lattice": "regular", "correspondence": "paper", "max_figures": 3, "resolution_mm": null, "uncertainty": 16}"#,
         ] {
             let params = parse(text.as_bytes()).unwrap();
             let again = params_to_json(&params);

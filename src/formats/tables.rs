@@ -7,26 +7,35 @@ use std::io::{self, Write};
 use super::rounded::round;
 use crate::pipeline::model::{Figure, Model};
 
-/// One row per node and side: where it is, its vector, its thickness.
+/// One row per node and side: where it is, its vector, its thickness; and the standard deviation of
+/// the thickness when it was asked for.
 ///
 /// # Errors
 /// When writing fails.
 pub fn write_thickness(model: &Model, mut out: impl Write) -> io::Result<()> {
-    writeln!(out, "structure,label,figure,i,j,side,x_mm,y_mm,z_mm,dx_mm,dy_mm,dz_mm,thickness_mm,valid")?;
+    let has_spread = model.params.uncertainty > 0;
+    let spread = if has_spread { ",sd_mm" } else { "" };
+    writeln!(out, "structure,label,figure,i,j,side,x_mm,y_mm,z_mm,dx_mm,dy_mm,dz_mm,thickness_mm,valid{spread}")?;
     for (s, structure) in model.structures.iter().enumerate() {
         for (f, figure) in structure.figures.iter().enumerate() {
-            write_nodes(&mut out, &format!("{s},{},{f}", structure.label), figure)?;
+            write_nodes(&mut out, &format!("{s},{},{f}", structure.label), figure, has_spread)?;
         }
     }
     Ok(())
 }
 
-fn write_nodes(out: &mut impl Write, prefix: &str, figure: &Figure) -> io::Result<()> {
+fn write_nodes(out: &mut impl Write, prefix: &str, figure: &Figure, has_spread: bool) -> io::Result<()> {
     for (side, vectors) in [("upper", figure.upper_vectors()), ("lower", figure.lower_vectors())] {
         for (node, ((at, vector), valid)) in figure.medial.iter().zip(&vectors).zip(&figure.valid).enumerate() {
             let (i, j) = (node / figure.grid.cols, node % figure.grid.cols);
             let cells = Cells([at.x, at.y, at.z, vector.x, vector.y, vector.z, vector.norm()]);
-            writeln!(out, "{prefix},{i},{j},{side},{cells},{valid}")?;
+            write!(out, "{prefix},{i},{j},{side},{cells},{valid}")?;
+            if has_spread {
+                let spread =
+                    figure.uncertainty.as_ref().map(|u| if side == "upper" { &u.upper_mm } else { &u.lower_mm });
+                write!(out, ",{}", Cells([spread.map_or(f64::NAN, |sd| sd[node])]))?;
+            }
+            writeln!(out)?;
         }
     }
     Ok(())

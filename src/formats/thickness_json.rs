@@ -6,6 +6,7 @@ use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 use serde_json::Value;
 
+use super::evidence_json::{AutomaticJson, FrameJson, StructureAutomaticJson, UncertaintyJson};
 use super::params_json::params_to_json;
 use super::rounded::{List, Rounded};
 use crate::pipeline::model::{
@@ -132,6 +133,7 @@ struct StructureJson<'a> {
     volume_mm3: Rounded,
     working_voxel_mm: Rounded,
     resolved: ResolvedJson,
+    automatic: StructureAutomaticJson,
     #[serde(skip_serializing_if = "Option::is_none")]
     refusal: Option<RefusalJson>,
     figures: Vec<FigureJson<'a>>,
@@ -170,6 +172,10 @@ struct FigureJson<'a> {
     intrinsic: Surfaces<List<'a, crate::space::ParamPoint>>,
     neighbors: Surfaces<Rounded>,
     landmarks: Surfaces<usize>,
+    frame: FrameJson,
+    automatic: AutomaticJson<'a>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    uncertainty: Option<UncertaintyJson<'a>>,
     quality: FigureQualityJson,
 }
 
@@ -186,13 +192,13 @@ struct Sides<T> {
 }
 
 #[derive(Serialize)]
-struct Surfaces<T> {
+pub(super) struct Surfaces<T> {
     medial: T,
     upper: T,
     lower: T,
 }
 
-fn surfaces<'a, T, U>(of: &'a PerSurface<T>, write: impl Fn(&'a T) -> U) -> Surfaces<U> {
+pub(super) fn surfaces<'a, T, U>(of: &'a PerSurface<T>, write: impl Fn(&'a T) -> U) -> Surfaces<U> {
     Surfaces { medial: write(&of.medial), upper: write(&of.upper), lower: write(&of.lower) }
 }
 
@@ -287,6 +293,7 @@ fn structure_json<'a>(params: &CheckedParams, index: usize, structure: &'a Struc
             prune: Rounded(strength(params.prune)),
             resolution_mm: Rounded(structure.working_voxel_mm),
         },
+        automatic: StructureAutomaticJson::of(params, structure),
         refusal: structure.refusal.as_ref().map(|refusal| RefusalJson {
             code: refusal.code(),
             message: refusal.to_string(),
@@ -316,6 +323,9 @@ fn figure_json((index, figure): (usize, &Figure)) -> FigureJson<'_> {
         intrinsic: surfaces(&figure.intrinsic, |points| List(points)),
         neighbors: surfaces(&figure.neighbors, |count| Rounded(*count)),
         landmarks: surfaces(&figure.landmarks, |count| *count),
+        frame: FrameJson::of(&figure.frame),
+        automatic: AutomaticJson::of(figure),
+        uncertainty: figure.uncertainty.as_ref().map(UncertaintyJson::of),
         quality: figure_quality_json(&figure.quality),
     }
 }

@@ -10,6 +10,7 @@ use utoipa::{IntoParams, PartialSchema, ToSchema};
 
 use crate::pipeline::params::{
     FIGURE_COUNT, LABEL_COUNT, LANDMARK_COUNT, LATTICE_SIDE, LENGTH_MM, MARGIN, NEIGHBOR_COUNT, PRUNE_STRENGTH,
+    REPEAT_COUNT,
 };
 
 /// Query of a submission.
@@ -123,7 +124,13 @@ impl PartialSchema for ParamsSchema {
                     "type": "integer", "minimum": FIGURE_COUNT.start(), "maximum": FIGURE_COUNT.end(),
                     "description": "Keep at most this many sheets, the largest first."
                 },
-                "resolution_mm": length("Isotropic working voxel. Default: the finest spacing of the mask.")
+                "resolution_mm": length("Isotropic working voxel. Default: the finest spacing of the mask."),
+                "uncertainty": {
+                    "type": "integer", "minimum": REPEAT_COUNT.start(), "maximum": REPEAT_COUNT.end(), "default": 0,
+                    "description": "How often everything is computed again with the boundary moved inside what the \
+                                    voxels leave open. The spread of each node's thickness is written as its \
+                                    standard deviation."
+                }
             }
         }))
     }

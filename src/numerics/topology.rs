@@ -4,6 +4,8 @@
 //!
 //! A neighbourhood is 27 bits: bit `(dx+1) + 3(dy+1) + 9(dz+1)`, bit 13 the centre.
 
+use crate::space::Grid;
+
 /// The centre's bit number.
 pub const CENTRE: u32 = 13;
 
@@ -152,6 +154,32 @@ const fn norm_max(d: [i32; 3]) -> i32 {
         m = d[2].abs();
     }
     m
+}
+
+/// Euler number of a set of closed voxels (components − tunnels + cavities, in the sense of 26
+/// neighbours): corners − edges + faces − voxels of their union.
+#[must_use]
+pub fn euler_number(set: &Grid<bool>) -> i64 {
+    /// A corner is shared by the voxels 0 or 1 back along each axis, an edge along two, a face along
+    /// one: bits of the axes, and the sign that the cell counts with.
+    const CELLS: [(usize, i64); 8] = [(7, 1), (6, -1), (5, -1), (3, -1), (1, 1), (2, 1), (4, 1), (0, -1)];
+    let [nx, ny, nz] = set.dims();
+    let has = |at: [usize; 3], back: usize| {
+        let from = [0, 1, 2].map(|a| at[a].checked_sub(back >> a & 1));
+        matches!(from, [Some(i), Some(j), Some(k)] if i < nx && j < ny && k < nz && set[[i, j, k]])
+    };
+    let mut sum = 0;
+    for (k, j, i) in (0..=nz).flat_map(|k| (0..=ny).flat_map(move |j| (0..=nx).map(move |i| (k, j, i)))) {
+        let around: u8 = (0..8).filter(|&back| has([i, j, k], back)).fold(0, |bits, back| bits | 1 << back);
+        // Nothing, or a voxel amid others: 1 − 3 + 3 − 1.
+        if around != 0 && around != u8::MAX {
+            for (axes, sign) in CELLS {
+                let touches = (0..8).any(|back| back & axes == back && around >> back & 1 == 1);
+                sum += if touches { sign } else { 0 };
+            }
+        }
+    }
+    sum
 }
 
 #[cfg(test)]

@@ -17,7 +17,7 @@ use super::surface::Surface;
 
 /// Radius of the automatic neighbourhood, voxels. Shortest paths on a ball of 3 are 2 % too long,
 /// of 4 less than 1 %; larger balls cut corners of folds.
-const AUTO_RADIUS: f64 = 4.0;
+pub(super) const AUTO_RADIUS: f64 = 4.0;
 /// Landmarks of the automatic choice: twice as many change an embedding by less than 0.2 % of
 /// its extent.
 const AUTO_LANDMARKS: usize = 48;

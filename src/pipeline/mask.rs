@@ -10,6 +10,7 @@ use crate::numerics::components::{Components, Connectivity, components};
 use crate::numerics::distance::nearest_seed;
 use crate::numerics::field::{Field, floor_index};
 use crate::numerics::smooth::gaussian;
+use crate::numerics::topology::euler_number;
 use crate::space::{Grid, LabelVolume, VoxelIndex, WorldFromVoxel};
 
 use super::observer::Warning;
@@ -51,6 +52,18 @@ pub struct Solid {
     pub world_from_work: WorldFromVoxel,
     /// Edge of a working voxel, mm.
     pub voxel_mm: f64,
+    /// The mask on its own voxels, before any resampling.
+    pub native: NativeMask,
+}
+
+/// A label as it was cut out of the volume: cleaned, with one free voxel all around, its axes in
+/// the order of [`along_world`].
+#[derive(Clone, Debug)]
+pub struct NativeMask {
+    /// The voxels.
+    pub mask: Grid<bool>,
+    /// Where they lie.
+    pub world_from_voxel: WorldFromVoxel,
 }
 
 /// Boxes of all labels in one pass, by index into the volume's `label_values`.
@@ -94,18 +107,25 @@ pub fn solid(
     warnings: &mut Vec<Warning>,
 ) -> Result<Solid, Refusal> {
     warn_if_cut(volume, index, bounds, warnings);
-    let plan = WorkingGrid::plan(volume, bounds, resolution_mm);
+    let mut native = along_world(crop(volume, index, bounds));
+    let plan = WorkingGrid::plan(&native, resolution_mm);
     plan.check_size()?;
-    let native = clean(crop(volume, index, bounds), warnings);
-    let (mask, mut soft) = if plan.is_native { embed(&native, &plan) } else { resample(&native, &plan) };
-    drop(native);
+    native.mask = clean(native.mask, warnings);
+    let (mask, mut soft) = if plan.is_native { embed(&native.mask, &plan) } else { resample(&native, &plan) };
     gaussian(&mut soft, [BOUNDARY_SIGMA; 3]);
     soft.as_mut_slice().iter_mut().for_each(|v| *v -= 0.5);
     let inside = keep_one_piece(&mut soft);
     if !inside.as_slice().contains(&true) {
         return Err(too_thin(&mask, plan.voxel_mm));
     }
-    Ok(Solid { inside, mask, level: Field(soft), world_from_work: plan.world_from_work, voxel_mm: plan.voxel_mm })
+    // One piece without cavities has one tunnel for each that its Euler number is below 1.
+    let closed = euler_number(&inside) - euler_number(&mask);
+    if closed > 0 {
+        let message = format!("tunnels of the mask that are too narrow for the grid were closed: {closed}");
+        warnings.push(Warning { code: "tunnels_closed", message });
+    }
+    let WorkingGrid { world_from_work, voxel_mm, .. } = plan;
+    Ok(Solid { inside, mask, level: Field(soft), world_from_work, voxel_mm, native })
 }
 
 fn too_thin(mask: &Grid<bool>, voxel_mm: f64) -> Refusal {
@@ -139,7 +159,7 @@ fn warn_if_cut(volume: &LabelVolume, index: u16, bounds: LabelBox, warnings: &mu
 }
 
 /// A label's box with one free voxel all around.
-fn crop(volume: &LabelVolume, index: u16, bounds: LabelBox) -> Grid<bool> {
+fn crop(volume: &LabelVolume, index: u16, bounds: LabelBox) -> NativeMask {
     let size: [usize; 3] = std::array::from_fn(|a| bounds.high[a] - bounds.low[a] + 1);
     let mut out = Grid::filled(size.map(|n| n + 2), false);
     for k in 0..size[2] {
@@ -150,7 +170,64 @@ fn crop(volume: &LabelVolume, index: u16, bounds: LabelBox) -> Grid<bool> {
             out.as_mut_slice()[to..to + size[0]].iter_mut().zip(row).for_each(|(o, v)| *o = *v == index);
         }
     }
-    out
+    let first = Vector3::from_fn(|a, _| bounds.low[a] as f64 - 1.0);
+    NativeMask { mask: out, world_from_voxel: volume.world_from_voxel.shifted_to(first) }
+}
+
+/// The same voxels with their axes permuted and reversed so that they run towards right, anterior
+/// and superior as nearly as they can. What follows breaks ties by the order of voxels: this makes
+/// it the world's order, not that of the file.
+fn along_world(native: NativeMask) -> NativeMask {
+    let axes = nearest_axes(&native.world_from_voxel);
+    let old = native.mask.dims();
+    let dims = axes.map(|(axis, _)| old[axis]);
+    let mut mask = Grid::filled(dims, false);
+    for offset in 0..mask.as_slice().len() {
+        let at = mask.index(offset);
+        let mut from = [0; 3];
+        for ((axis, is_reversed), x) in axes.into_iter().zip(at) {
+            from[axis] = if is_reversed { old[axis] - 1 - x } else { x };
+        }
+        mask.as_mut_slice()[offset] = native.mask[from];
+    }
+    let rows = native.world_from_voxel.rows();
+    let rows = std::array::from_fn(|r| {
+        let column = |(axis, is_reversed): (usize, bool)| if is_reversed { -rows[r][axis] } else { rows[r][axis] };
+        let start = |(axis, is_reversed): (usize, bool)| if is_reversed { (old[axis] - 1) as f64 } else { 0.0 };
+        let origin = axes.iter().fold(rows[r][3], |sum, &a| sum + rows[r][a.0] * start(a));
+        [column(axes[0]), column(axes[1]), column(axes[2]), origin]
+    });
+    let world_from_voxel = WorldFromVoxel::from_rows(rows).expect("permuted and reversed axes still span space");
+    NativeMask { mask, world_from_voxel }
+}
+
+/// For each axis of the world the voxel axis that follows it, and whether that one runs against it.
+/// Of all pairings the one with the greatest sum of cosines; of equals (voxels turned by 45°) the
+/// one whose axes come first, by their own directions.
+fn nearest_axes(world_from_voxel: &WorldFromVoxel) -> [(usize, bool); 3] {
+    /// Difference of two sums of cosines that rounding can make.
+    const TIE: f64 = 1e-6;
+    const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
+    let (rows, spacing) = (world_from_voxel.rows(), world_from_voxel.spacing_mm());
+    let cosine = |r: usize, axis: usize| rows[r][axis] / spacing[axis];
+    let directed = |r: usize, axis: usize| {
+        let sign = if cosine(r, axis) < 0.0 { -1.0 } else { 1.0 };
+        [0, 1, 2].map(|x| sign * cosine(x, axis))
+    };
+    let score = |order: &[usize; 3]| order.iter().enumerate().map(|(r, &axis)| cosine(r, axis).abs()).sum::<f64>();
+    let best = ORDERS.iter().map(score).fold(0.0, f64::max);
+    let is_before = |a: &[usize; 3], b: &[usize; 3]| {
+        let entries = |order: &[usize; 3]| [0, 1, 2].map(|r| directed(r, order[r])).concat();
+        let differing = entries(a).into_iter().zip(entries(b)).find(|(x, y)| (x - y).abs() > TIE);
+        differing.is_some_and(|(x, y)| x > y)
+    };
+    let equals = ORDERS.iter().filter(|order| score(order) > best - TIE);
+    let order = equals.fold(None, |kept: Option<&[usize; 3]>, next| match kept {
+        Some(kept) if !is_before(next, kept) => Some(kept),
+        _ => Some(next),
+    });
+    let order = order.unwrap_or(&ORDERS[0]);
+    [0, 1, 2].map(|r| (order[r], cosine(r, order[r]) < 0.0))
 }
 
 /// The largest part without cavities.
@@ -195,7 +272,7 @@ fn fill_cavities(mask: &mut Grid<bool>) -> usize {
 
 /// The inside of the smoothed boundary, reduced to its largest part without cavities. The level
 /// is changed to agree.
-fn keep_one_piece(level: &mut Grid<f32>) -> Grid<bool> {
+pub(super) fn keep_one_piece(level: &mut Grid<f32>) -> Grid<bool> {
     /// Level given to voxels that change sides: what half a voxel of depth has.
     const DECIDED: f32 = 0.2;
     let raw: Vec<bool> = level.as_slice().iter().map(|v| *v > 0.0).collect();
@@ -218,27 +295,25 @@ struct WorkingGrid {
     dims: [usize; 3],
     voxel_mm: f64,
     world_from_work: WorldFromVoxel,
-    /// World position of the cropped mask's voxels.
-    world_from_crop: WorldFromVoxel,
+    /// The same in a world whose origin is the mask's first voxel: where the object lies in the
+    /// world is to change nothing, not by rounding either.
+    centred: WorldFromVoxel,
     is_native: bool,
 }
 
 impl WorkingGrid {
-    fn plan(volume: &LabelVolume, bounds: LabelBox, resolution_mm: Option<f64>) -> Self {
-        let native = &volume.world_from_voxel;
-        let spacing = native.spacing_mm();
+    fn plan(native: &NativeMask, resolution_mm: Option<f64>) -> Self {
+        let (world_from_crop, size) = (native.world_from_voxel, native.mask.dims());
+        let spacing = world_from_crop.spacing_mm();
         let voxel_mm = resolution_mm.unwrap_or(spacing.iter().copied().fold(f64::INFINITY, f64::min));
-        let first = Vector3::from_fn(|a, _| bounds.low[a] as f64 - 1.0);
-        let world_from_crop = native.shifted_to(first);
-        let size: [usize; 3] = std::array::from_fn(|a| bounds.high[a] - bounds.low[a] + 3);
-        let axes = Matrix3::from_fn(|r, c| native.rows()[r][c] / spacing[c]);
+        let axes = Matrix3::from_fn(|r, c| world_from_crop.rows()[r][c] / spacing[c]);
         let skew = (0..3).map(|a| axes.column(a).dot(&axes.column((a + 1) % 3)).abs()).fold(0.0, f64::max);
         let uneven = spacing.iter().map(|s| (s / voxel_mm - 1.0).abs()).fold(0.0, f64::max);
         if skew <= ISOTROPY_TOLERANCE && uneven <= ISOTROPY_TOLERANCE {
             let extra = PADDING - 1;
             let world_from_work = world_from_crop.shifted_to(Vector3::repeat(-(extra as f64)));
             let dims = size.map(|n| n + 2 * extra);
-            return Self { dims, voxel_mm, world_from_work, world_from_crop, is_native: true };
+            return Self { dims, voxel_mm, world_from_work, centred: at_origin(&world_from_work).0, is_native: true };
         }
         Self::isotropic(world_from_crop, size, &axes, voxel_mm)
     }
@@ -250,21 +325,24 @@ impl WorkingGrid {
             (Some(u), Some(v_t)) => u * v_t,
             _ => Matrix3::identity(),
         };
+        let (centred_crop, to_world) = at_origin(&world_from_crop);
         let mut low = Vector3::repeat(f64::INFINITY);
         let mut high = Vector3::repeat(f64::NEG_INFINITY);
         for bits in 0..8 {
             let corner =
                 Point3::from(Vector3::from_fn(|a, _| if bits >> a & 1 == 1 { (size[a] - 1) as f64 } else { 0.0 }));
-            let local = frame.transpose() * world_from_crop.point(corner).coords / voxel_mm;
+            let local = frame.transpose() * centred_crop.point(corner).coords / voxel_mm;
             low = low.inf(&local);
             high = high.sup(&local);
         }
-        let dims = std::array::from_fn(|a| floor_index((high[a] - low[a]).ceil()) + 1 + 2 * (PADDING - 1));
+        // A whole number of voxels is not to become one more by rounding.
+        let voxels = |extent: f64| floor_index((extent - 1e-6).ceil()) + 1;
+        let dims = std::array::from_fn(|a| voxels(high[a] - low[a]) + 2 * (PADDING - 1));
         let origin = frame * (low - Vector3::repeat((PADDING - 1) as f64)) * voxel_mm;
         let rows =
             std::array::from_fn(|r| std::array::from_fn(|c| if c < 3 { frame[(r, c)] * voxel_mm } else { origin[r] }));
-        let world_from_work = WorldFromVoxel::from_rows(rows).expect("a rotation times a length spans space");
-        Self { dims, voxel_mm, world_from_work, world_from_crop, is_native: false }
+        let centred = WorldFromVoxel::from_rows(rows).expect("a rotation times a length spans space");
+        Self { dims, voxel_mm, world_from_work: centred.translated(to_world), centred, is_native: false }
     }
 
     fn check_size(&self) -> Result<(), Refusal> {
@@ -275,6 +353,12 @@ impl WorkingGrid {
         let resolution_mm = self.voxel_mm * (voxels as f64 / MAX_WORKING_VOXELS as f64).cbrt();
         Err(Refusal::TooLarge { voxels, allowed: MAX_WORKING_VOXELS, resolution_mm })
     }
+}
+
+/// The same voxels with the first one at the world's origin, and the way back.
+fn at_origin(world_from_voxel: &WorldFromVoxel) -> (WorldFromVoxel, Vector3<f64>) {
+    let origin = world_from_voxel.point(Point3::origin()).coords;
+    (world_from_voxel.translated(-origin), origin)
 }
 
 /// The mask with more room around it, and the same as numbers.
@@ -295,15 +379,18 @@ fn embed(native: &Grid<bool>, plan: &WorkingGrid) -> (Grid<bool>, Grid<f32>) {
 
 /// Shape-based interpolation (Raya, Udupa, IEEE TMI 9, 1990): the signed distance is read between
 /// the voxels and made a mask again, with soft edges.
-fn resample(native: &Grid<bool>, plan: &WorkingGrid) -> (Grid<bool>, Grid<f32>) {
-    let signed = signed_distance_mm(native, plan.world_from_crop.spacing_mm());
+fn resample(native: &NativeMask, plan: &WorkingGrid) -> (Grid<bool>, Grid<f32>) {
+    /// Half-way between two voxels the distance is 0 but for rounding, which is to decide nothing.
+    const ZERO: f64 = 1e-6;
+    let signed = signed_distance_mm(&native.mask, native.world_from_voxel.spacing_mm());
+    let (crop_mm, _) = at_origin(&native.world_from_voxel);
     let mut mask = Grid::filled(plan.dims, false);
     let mut soft = Grid::filled(plan.dims, 0.0f32);
     for offset in 0..mask.as_slice().len() {
         let at = mask.index(offset).map(|x| x as f64);
-        let crop = plan.world_from_crop.voxel(plan.world_from_work.point(Point3::from(at)));
+        let crop = crop_mm.voxel(plan.centred.point(Point3::from(at)));
         let distance = cubic(&signed, crop) / plan.voxel_mm;
-        mask.as_mut_slice()[offset] = distance > 0.0;
+        mask.as_mut_slice()[offset] = distance > ZERO;
         #[expect(clippy::cast_possible_truncation, reason = "the grid is f32")]
         let share = (0.5 + distance).clamp(0.0, 1.0) as f32;
         soft.as_mut_slice()[offset] = share;

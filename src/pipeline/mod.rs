@@ -35,6 +35,8 @@ pub mod patch;
 
 pub mod frame;
 
+pub mod automatic;
+
 pub mod lattice;
 
 pub mod spokes;
@@ -46,6 +48,10 @@ pub mod anchored;
 pub mod repair;
 
 pub mod quality;
+
+pub mod perturb;
+
+pub mod uncertainty;
 
 mod structure;
 
@@ -81,7 +87,8 @@ pub fn run(volume: &LabelVolume, params: &CheckedParams, observer: &dyn Observer
     let boxes = mask::label_boxes(volume);
     let structure = |(number, &index): (usize, &u16)| {
         let bounds = boxes[usize::from(index)].ok_or(Refusal::EmptyMask)?;
-        let work = structure::Work { volume, index, bounds, params, observer, number, count: indices.len() };
+        let work =
+            structure::Work { volume, index, bounds, params, observer, number, count: indices.len(), repeat: None };
         Ok::<Structure, PipelineError>(work.run()?)
     };
     let structures: Vec<Structure> = indices.par_iter().enumerate().map(structure).collect::<Result<_, _>>()?;

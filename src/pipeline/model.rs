@@ -2,9 +2,12 @@
 
 use crate::space::{ParamPoint, WorldFromVoxel, WorldPoint, WorldVector};
 
+use super::automatic::Automatic;
+use super::frame::FrameFacts;
 use super::observer::{Stage, Warning};
 use super::params::{CheckedParams, LatticeSize};
 use super::refusal::Refusal;
+use super::uncertainty::Uncertainty;
 
 /// A value for each of the three surfaces of a figure.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -89,6 +92,12 @@ pub struct Figure {
     pub points: PerSurface<FlatPoints>,
     /// How good it is.
     pub quality: FigureQuality,
+    /// Which way rows, columns and sides lie in the world.
+    pub frame: FrameFacts,
+    /// What was chosen for it and why.
+    pub automatic: Automatic,
+    /// Spread of its thickness, when asked for.
+    pub uncertainty: Option<Uncertainty>,
 }
 
 impl Figure {
@@ -198,6 +207,8 @@ pub struct Structure {
     pub figures: Vec<Figure>,
     /// Where they meet.
     pub junctions: Vec<Junction>,
+    /// Sheets of the skeleton that were pruned.
+    pub pruned: usize,
     /// How good it is.
     pub quality: StructureQuality,
     /// What its reader should know.

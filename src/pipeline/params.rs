@@ -95,6 +95,8 @@ pub struct Params {
     pub max_figures: Option<usize>,
     /// Edge of the isotropic working voxel, mm; `None` means the finest spacing of the mask.
     pub resolution_mm: Option<f64>,
+    /// Repeats for the uncertainty of thickness; 0 for none.
+    pub uncertainty: usize,
 }
 
 impl Default for Params {
@@ -111,6 +113,7 @@ impl Default for Params {
             prune: Prune::Auto,
             max_figures: None,
             resolution_mm: None,
+            uncertainty: 0,
         }
     }
 }
@@ -144,6 +147,10 @@ pub const LABEL_COUNT: std::ops::RangeInclusive<usize> = 1..=1024;
 pub const FIGURE_COUNT: std::ops::RangeInclusive<usize> = 1..=64;
 /// Strength of pruning.
 pub const PRUNE_STRENGTH: std::ops::RangeInclusive<f64> = 0.0..=1.0;
+
+/// Repeats for the uncertainty. Each costs a run; with 16 a standard deviation is known to a fifth,
+/// with 64 to a tenth.
+pub const REPEAT_COUNT: std::ops::RangeInclusive<usize> = 0..=64;
 
 /// Parameters every value of which is in range. Only [`Params::check`] makes one.
 #[derive(Clone, Debug, PartialEq)]
@@ -182,6 +189,7 @@ impl Params {
             value.map_or(Ok(()), |v| within(field, v, &LENGTH_MM))?;
         }
         self.max_figures.map_or(Ok(()), |n| within("max_figures", n, &FIGURE_COUNT))?;
+        within("uncertainty", self.uncertainty, &REPEAT_COUNT)?;
         if let Some(labels) = &self.labels {
             within("labels", labels.len(), &LABEL_COUNT)?;
             if labels.contains(&0) {

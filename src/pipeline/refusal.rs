@@ -35,26 +35,18 @@ pub enum Refusal {
         needed: usize,
     },
     /// All three extents alike: a ball has a medial point, not a sheet.
-    #[error(
-        "the object is a ball: its medial sheet is {length_mm:.1} × {width_mm:.1} mm, its radius {radius_mm:.1} mm"
-    )]
+    #[error("the object is a ball of radius {radius_mm:.1} mm: its medial sheet is shorter than that")]
     Ball {
-        /// Longer extent of the sheet.
-        length_mm: f64,
-        /// Shorter extent of the sheet.
-        width_mm: f64,
         /// Largest inscribed radius.
         radius_mm: f64,
     },
     /// Two extents alike: a tube has a medial curve, not a sheet.
     #[error(
-        "the object is a tube: its medial sheet is {length_mm:.1} × {width_mm:.1} mm, its radius {radius_mm:.1} mm"
+        "the object is a tube of radius {radius_mm:.1} mm: its medial set is {length_mm:.1} mm long and narrower than that radius"
     )]
     Tube {
-        /// Longer extent of the sheet.
+        /// Length of the medial sheet or curve.
         length_mm: f64,
-        /// Shorter extent of the sheet.
-        width_mm: f64,
         /// Largest inscribed radius.
         radius_mm: f64,
     },
@@ -65,6 +57,14 @@ pub enum Refusal {
         conflicts: usize,
         /// Links in all.
         links: usize,
+    },
+    /// Holes take too much of the sheet: a lattice over it would lie on nothing there.
+    #[error("the medial sheet has holes that take {:.0} % of its area, at most {:.0} % are filled", 100.0 * share, 100.0 * allowed)]
+    SheetHasHoles {
+        /// Area of the holes over that of the sheet with its holes.
+        share: f64,
+        /// What is filled at most.
+        allowed: f64,
     },
     /// Exact ISOMAP would need more memory than is allowed.
     #[error("exact ISOMAP of {points} points was asked for, at most {limit} are allowed")]
@@ -88,12 +88,13 @@ pub enum Refusal {
 
 /// The codes that speak of the object's shape, not of the file it came in: all but
 /// [`Refusal::LabelMissing`] and [`Refusal::EmptyMask`].
-pub const SHAPE_CODES: [&str; 7] = [
+pub const SHAPE_CODES: [&str; 8] = [
     "too_thin",
     "too_small",
     "shape_is_a_ball",
     "shape_is_a_tube",
     "not_orientable",
+    "sheet_has_holes",
     "too_many_points",
     "working_grid_too_large",
 ];
@@ -110,6 +111,7 @@ impl Refusal {
             Self::Ball { .. } => "shape_is_a_ball",
             Self::Tube { .. } => "shape_is_a_tube",
             Self::NotOrientable { .. } => "not_orientable",
+            Self::SheetHasHoles { .. } => "sheet_has_holes",
             Self::TooManyPoints { .. } => "too_many_points",
             Self::TooLarge { .. } => "working_grid_too_large",
         }
@@ -128,6 +130,10 @@ impl Refusal {
             Self::Ball { .. } => "a ball has no medial sheet: measure it by its radius".to_owned(),
             Self::Tube { .. } => "a tube has a medial curve, not a sheet: use a centreline tool".to_owned(),
             Self::NotOrientable { .. } => "check the segmentation for a bridge that turns the object over".to_owned(),
+            Self::SheetHasHoles { .. } => {
+                "fill the holes in the segmentation if they are errors; a ring has no lattice unless it is cut open"
+                    .to_owned()
+            }
             Self::TooManyPoints { .. } => "leave landmarks at \"auto\", or set a larger resolution_mm".to_owned(),
             Self::TooLarge { resolution_mm, .. } => format!("set resolution_mm to {resolution_mm:.2} or more"),
         }

@@ -13,9 +13,9 @@ use nalgebra::{Point3, Vector3};
 
 use crate::numerics::components::{Connectivity, neighbors};
 use crate::numerics::field::id;
-use crate::space::{WorldFromVoxel, WorldVector};
 
 use super::depth::Depth;
+use super::frame::Senses;
 use super::mask::Solid;
 use super::medial::MedialSurface;
 use super::refusal::Refusal;
@@ -76,13 +76,18 @@ pub fn sides(
     sheets: &Sheets,
 ) -> Result<Vec<SheetSides>, Refusal> {
     let mut all = Vec::new();
+    let senses = Senses::of(&solid.inside, &solid.world_from_work);
     let mut normal_of = vec![Vector3::zeros(); surface.points.len()];
     let mut local_of = vec![u32::MAX; surface.points.len()];
     for (number, members) in sheets.members.iter().enumerate() {
         let whole = surface.part(members);
         let members: Vec<u32> = whole.largest_piece().into_iter().map(|k| members[k as usize]).collect();
         let medial = surface.part(&members);
-        let normals = oriented_normals(surface, &members, &medial, &solid.world_from_work)?;
+        let mut normals = oriented_normals(surface, &members, &medial)?;
+        let mean = normals.iter().map(|n| solid.world_from_work.vector(*n)).sum();
+        if senses.of_direction(mean).sign < 0.0 {
+            normals.iter_mut().for_each(|n| *n = -*n);
+        }
         for (local, (&p, n)) in members.iter().zip(&normals).enumerate() {
             normal_of[p as usize] = *n;
             local_of[p as usize] = id(local);
@@ -130,14 +135,8 @@ fn one_piece(solid: &Solid, depth: &Depth, class: &[(u32, u32)]) -> Side {
     Side { surface: Surface::part(position, touching, &members), partners: kept.iter().map(|c| c.1).collect() }
 }
 
-/// Normals of a sheet's points, consistent along the sheet, smoothed over touching points, and
-/// turned so that upper is the side the world says.
-fn oriented_normals(
-    surface: &MedialSurface,
-    members: &[u32],
-    medial: &Surface,
-    world_from_work: &WorldFromVoxel,
-) -> Result<Vec<Vector3<f64>>, Refusal> {
+/// Normals of a sheet's points, consistent along the sheet and smoothed over touching points.
+fn oriented_normals(surface: &MedialSurface, members: &[u32], medial: &Surface) -> Result<Vec<Vector3<f64>>, Refusal> {
     let mut normals: Vec<Vector3<f64>> = members.iter().map(|&p| surface.points[p as usize].normal).collect();
     propagate(medial, &mut normals);
     let is_sure = |k: usize| surface.points[members[k] as usize].feet_cosine < SURE_FEET_COSINE;
@@ -145,23 +144,7 @@ fn oriented_normals(
     for _ in 0..2 {
         normals = smoothed(medial, &normals);
     }
-    let mean: WorldVector = normals.iter().map(|n| world_from_work.vector(*n)).sum();
-    if towards(mean) < 0.0 {
-        normals.iter_mut().for_each(|n| *n = -*n);
-    }
     Ok(normals)
-}
-
-/// +1 or −1: whether a direction counts as positive. The axis of the world it follows most
-/// decides: superior and anterior before right, so that left and right structures are decided
-/// alike.
-#[must_use]
-pub fn towards(direction: WorldVector) -> f64 {
-    /// A direction that is twice as much sideways as it is anything else is decided by x.
-    const SIDEWAYS_WEIGHT: f64 = 0.5;
-    let weighted = [direction.z, direction.y, SIDEWAYS_WEIGHT * direction.x];
-    let strongest = weighted.into_iter().fold(0.0f64, |best, x| if x.abs() > best.abs() { x } else { best });
-    if strongest < 0.0 { -1.0 } else { 1.0 }
 }
 
 /// Turns normals to agree with their neighbours, along the links where they are most parallel

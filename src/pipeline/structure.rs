@@ -7,8 +7,10 @@ use nalgebra::{Point2, Point3};
 use crate::numerics::surface_nets::zero_surface;
 use crate::space::{LabelVolume, ParamPoint, WorldPoint};
 
+use super::anchored::anchored;
+use super::automatic::{Automatic, automatic};
 use super::depth::{Depth, depth};
-use super::frame::canonical;
+use super::frame::{FrameFacts, framed};
 use super::isomap::{Flat, IsomapError, flatten};
 use super::mask::{LabelBox, Solid, solid};
 use super::medial::{MedialSurface, medial_surface};
@@ -17,16 +19,17 @@ use super::model::{
 };
 use super::observer::{Cancelled, Observer, Stage, Warning};
 use super::outline::Region;
-use super::params::{CheckedParams, GridChoice, LatticeSize};
+use super::params::CheckedParams;
+use super::perturb::perturbed;
 use super::quality::{figure_quality, structure_quality};
 use super::refusal::Refusal;
 use super::sheets::{Sheets, sheets};
 use super::sides::{SheetSides, sides};
 use super::spokes::{Nodes, align_sides, lattices, paper};
-use super::anchored::anchored;
 use super::lattice::lattice;
 use super::rim::to_rim;
 use super::params::Correspondence;
+use super::uncertainty::{Muted, Repeat, add_uncertainty};
 
 /// Medial points that the main sheet needs: fewer are less than a lattice of 3 × 3 nodes with
 /// something to fit each to.
@@ -37,7 +40,14 @@ const BALL_LENGTH: f64 = 1.0;
 /// See [`BALL_LENGTH`].
 const TUBE_WIDTH: f64 = 0.8;
 
+/// Share of a sheet's area that holes may take before it is said that they were filled: gaps of a
+/// voxel or two in a skeleton are no holes of the organ.
+const HOLES_SAID: f64 = 0.02;
+/// Share from which they are not filled but refused: every seventh node would lie on nothing.
+const HOLES_REFUSED: f64 = 0.15;
+
 /// One label and what is asked of it.
+#[derive(Clone, Copy)]
 pub struct Work<'a> {
     /// The label map.
     pub volume: &'a LabelVolume,
@@ -53,6 +63,8 @@ pub struct Work<'a> {
     pub number: usize,
     /// Of how many.
     pub count: usize,
+    /// Which repeat for the uncertainty; `None` for the result itself.
+    pub repeat: Option<Repeat<'a>>,
 }
 
 /// Why a structure has no result.
@@ -77,6 +89,8 @@ impl From<Refusal> for Stop {
 struct Draft {
     nodes: Nodes,
     flat: PerSurface<Flat>,
+    frame: FrameFacts,
+    automatic: Automatic,
 }
 
 impl Work<'_> {
@@ -87,7 +101,10 @@ impl Work<'_> {
     pub fn run(&self) -> Result<Structure, Cancelled> {
         let mut structure = self.blank();
         match self.stages(&mut structure) {
-            Ok(()) => Ok(structure),
+            Ok(()) => {
+                self.add_uncertainty(&mut structure)?;
+                Ok(structure)
+            }
             Err(Stop::Cancelled) => Err(Cancelled),
             Err(Stop::Refused(refusal)) => {
                 structure.quality.verdict = Verdict::Fail;
@@ -95,6 +112,26 @@ impl Work<'_> {
                 Ok(structure)
             }
         }
+    }
+
+    /// Computes the structure again with moved boundaries, as often as was asked for.
+    fn add_uncertainty(&self, structure: &mut Structure) -> Result<(), Cancelled> {
+        let repeats = self.params.uncertainty;
+        if repeats == 0 || self.repeat.is_some() {
+            return Ok(());
+        }
+        let muted = Muted(self.observer);
+        add_uncertainty(&mut structure.figures, repeats, structure.working_voxel_mm, |repeat| {
+            Ok(Work { observer: &muted, repeat: Some(repeat), ..*self }.run()?.figures)
+        })?;
+        for (number, figure) in structure.figures.iter().enumerate() {
+            let matched = figure.uncertainty.as_ref().map_or(0, |found| found.matched);
+            if 2 * matched < repeats {
+                let message = format!("figure {number} was found again in {matched} of {repeats} repeats only");
+                structure.warnings.push(Warning { code: "uncertainty_unmatched", message });
+            }
+        }
+        Ok(())
     }
 
     fn blank(&self) -> Structure {
@@ -106,6 +143,7 @@ impl Work<'_> {
             working_voxel_mm: 0.0,
             figures: Vec::new(),
             junctions: Vec::new(),
+            pruned: 0,
             quality: StructureQuality::default(),
             warnings: Vec::new(),
             refusal: None,
@@ -131,13 +169,19 @@ impl Work<'_> {
         let mut warnings = Vec::new();
         let prepared = self.stage(&mut timings, Stage::Distance, || {
             let solid = solid(self.volume, self.index, self.bounds, params.resolution_mm, &mut warnings)?;
+            let solid = match self.repeat {
+                Some(repeat) => perturbed(solid, repeat.number),
+                None => solid,
+            };
             let depth = depth(&solid);
             Ok::<_, Refusal>((solid, depth))
         })?;
         out.warnings = warnings;
         let (solid, depth) = prepared?;
         out.working_voxel_mm = solid.voxel_mm;
-        out.object = object_mesh(&solid);
+        if self.repeat.is_none() {
+            out.object = object_mesh(&solid);
+        }
         let surface = self.stage(&mut timings, Stage::Skeleton, || medial_surface(&solid, &depth, observer))??;
         let sheets =
             self.stage(&mut timings, Stage::Sheets, || sheets(&surface, &depth, params.prune, params.max_figures))?;
@@ -151,10 +195,13 @@ impl Work<'_> {
             for (sheet, draft) in sheet_sides.iter().zip(&drafts) {
                 out.figures.extend(draft.as_ref().map(|d| figure(&solid, sheet, d)));
             }
-            let qualities: Vec<_> = out.figures.iter().map(|f| f.quality.clone()).collect();
-            out.quality = structure_quality(&solid, &depth, &figures, &qualities);
+            if self.repeat.is_none() {
+                let qualities: Vec<_> = out.figures.iter().map(|f| f.quality.clone()).collect();
+                out.quality = structure_quality(&solid, &depth, &figures, &qualities);
+            }
         })?;
         out.junctions = junctions(&solid, &surface, &sheets, &drafts);
+        out.pruned = sheets.pruned;
         if sheets.pruned > 0 {
             let message = format!("{} small branches of the skeleton were pruned", sheets.pruned);
             out.warnings.push(Warning { code: "branches_pruned", message });
@@ -197,20 +244,26 @@ impl Work<'_> {
         timings: &mut StageTimings,
         warnings: &mut Vec<Warning>,
     ) -> Result<Draft, Stop> {
-        let flat = self.stage(timings, Stage::Isomap, || self.flatten_all(solid, sheet, number, warnings))??;
+        let (flat, frame) =
+            self.stage(timings, Stage::Isomap, || self.flatten_all(solid, sheet, number, warnings))??;
         let region = Region::of(&flat.medial.points);
         if number == 0 {
             check_extents(&region, sheet, solid)?;
         }
-        if region.hole_share > 0.02 {
-            let message =
-                format!("holes in sheet {number} were filled: {:.1} % of its area", 100.0 * region.hole_share);
+        let share = region.hole_share;
+        if share > HOLES_REFUSED {
+            return Err(Refusal::SheetHasHoles { share, allowed: HOLES_REFUSED }.into());
+        }
+        if share > HOLES_SAID {
+            let message = format!("holes in sheet {number} were filled: {:.1} % of its area", 100.0 * share);
             warnings.push(Warning { code: "sheet_holes_filled", message });
         }
-        let size = match self.params.grid {
-            GridChoice::Fixed(size) => size,
-            GridChoice::Auto => automatic_size(&region, self.params.spacing_mm.map(|s| s / solid.voxel_mm)),
-        };
+        if !frame.ambiguities.is_empty() {
+            let message = format!("another frame of sheet {number} is as good: {}", frame.ambiguities.join("; "));
+            warnings.push(Warning { code: "frame_ambiguous", message });
+        }
+        let (size, automatic) = automatic(self.params, &flat, &region, solid.voxel_mm);
+        let size = self.repeat.and_then(|repeat| repeat.sizes.get(number).copied()).unwrap_or(size);
         if self.params.correspondence == Correspondence::Anchored {
             let (whole, lattice) = self.stage(timings, Stage::Lattice, || {
                 let whole = to_rim(sheet, &flat.medial.points, &region, &sheet.hinge, solid, depth);
@@ -220,13 +273,13 @@ impl Work<'_> {
             let lattice = lattice.ok_or(Refusal::TooSmall { points: sheet.medial.positions.len(), needed: MIN_SHEET_POINTS })?;
             let (nodes, repaired) = self.stage(timings, Stage::Spokes, || anchored(solid, sheet, &whole, lattice))?;
             if std::env::var("DBG").is_ok() { eprintln!("{repaired:?}"); }
-            return Ok(Draft { nodes, flat });
+            return Ok(Draft { nodes, flat, frame, automatic });
         }
         let lattices = self.stage(timings, Stage::Lattice, || lattices(&flat, self.params, size))?;
         let needed = MIN_SHEET_POINTS;
         let lattices = lattices.ok_or(Refusal::TooSmall { points: sheet.medial.positions.len(), needed })?;
         let nodes = self.stage(timings, Stage::Spokes, || paper(solid, sheet, &flat, lattices))?;
-        Ok(Draft { nodes, flat })
+        Ok(Draft { nodes, flat, frame, automatic })
     }
 
     /// ISOMAP of the sheet and its sides, turned into one frame.
@@ -236,7 +289,7 @@ impl Work<'_> {
         sheet: &SheetSides,
         number: usize,
         warnings: &mut Vec<Warning>,
-    ) -> Result<PerSurface<Flat>, Stop> {
+    ) -> Result<(PerSurface<Flat>, FrameFacts), Stop> {
         let mut flat_of = |name: &str, surface| {
             let params = self.params;
             let flat = flatten(surface, params.neighbors, params.landmarks, solid.voxel_mm, self.observer)
@@ -251,13 +304,14 @@ impl Work<'_> {
             Ok::<Flat, Stop>(flat)
         };
         let mut medial = flat_of("medial", &sheet.medial)?;
-        medial.points = canonical(&medial.points, &sheet.medial.positions, &solid.world_from_work);
+        let (points, frame) = framed(&medial.points, sheet, solid);
+        medial.points = points;
         if self.params.correspondence == Correspondence::Anchored {
             let carried = |side: &super::sides::Side| Flat {
                 points: side.partners.iter().map(|&p| medial.points[p as usize]).collect(),
                 ..medial.clone()
             };
-            return Ok(PerSurface { upper: carried(&sheet.upper), lower: carried(&sheet.lower), medial });
+            return Ok((PerSurface { upper: carried(&sheet.upper), lower: carried(&sheet.lower), medial }, frame));
         }
         let mut flat = PerSurface {
             medial,
@@ -265,7 +319,7 @@ impl Work<'_> {
             lower: flat_of("lower", &sheet.lower.surface)?,
         };
         align_sides(sheet, &mut flat);
-        Ok(flat)
+        Ok((flat, frame))
     }
 }
 
@@ -278,7 +332,7 @@ fn refused(error: IsomapError, sheet: &SheetSides, voxel_mm: f64) -> Stop {
             let from = sheet.medial.positions[0];
             let length = sheet.medial.positions.iter().map(|p| (p - from).norm()).fold(0.0, f64::max);
             let radius = sheet.radii.iter().copied().fold(0.0, f64::max);
-            Refusal::Tube { length_mm: length * voxel_mm, width_mm: 0.0, radius_mm: radius * voxel_mm }
+            Refusal::Tube { length_mm: length * voxel_mm, radius_mm: radius * voxel_mm }
         }
     };
     Stop::Refused(refusal)
@@ -300,7 +354,13 @@ fn check_sheet(surface: &MedialSurface, sheets: &Sheets, solid: &Solid) -> Resul
     }
     if volume < 2.5 * ball {
         let radius_mm = radius * solid.voxel_mm;
-        return Err(Refusal::Ball { length_mm: 0.0, width_mm: 0.0, radius_mm });
+        return Err(Refusal::Ball { radius_mm });
+    }
+    // Twice what a sheet of too few points holds: a tube, straight or closed, whose medial points
+    // see skin all around.
+    if volume > 4.0 * radius * MIN_SHEET_POINTS as f64 {
+        let length = volume / (std::f64::consts::PI * radius * radius);
+        return Err(Refusal::Tube { length_mm: length * solid.voxel_mm, radius_mm: radius * solid.voxel_mm });
     }
     Err(Refusal::TooSmall { points, needed: MIN_SHEET_POINTS })
 }
@@ -311,24 +371,14 @@ fn check_extents(region: &Region, sheet: &SheetSides, solid: &Solid) -> Result<(
     let [length, width] = region.principal_axes().1.map(|e| e * 12.0f64.sqrt());
     let radius = sheet.radii.iter().copied().fold(0.0, f64::max);
     let mm = solid.voxel_mm;
-    let (length_mm, width_mm, radius_mm) = (length * mm, width * mm, radius * mm);
+    let (length_mm, radius_mm) = (length * mm, radius * mm);
     if length < BALL_LENGTH * radius {
-        Err(Refusal::Ball { length_mm, width_mm, radius_mm })
+        Err(Refusal::Ball { radius_mm })
     } else if width < TUBE_WIDTH * radius {
-        Err(Refusal::Tube { length_mm, width_mm, radius_mm })
+        Err(Refusal::Tube { length_mm, radius_mm })
     } else {
         Ok(())
     }
-}
-
-/// Lattice size from the sheet's extents: nodes `spacing` voxels apart, or about 64 in all.
-fn automatic_size(region: &Region, spacing: Option<f64>) -> LatticeSize {
-    /// Nodes of an automatic lattice without a spacing: the paper's 6 × 8 and a little more.
-    const NODES: f64 = 64.0;
-    let [length, width] = region.principal_axes().1.map(|e| (e * 12.0f64.sqrt()).max(1.0));
-    let spacing = spacing.unwrap_or_else(|| (length * width / NODES).sqrt());
-    let nodes = |extent: f64| (crate::numerics::field::floor_index(extent / spacing + 0.5) + 1).clamp(3, 512);
-    LatticeSize { rows: nodes(width), cols: nodes(length) }
 }
 
 /// The smooth outer surface of the mask in the world.
@@ -351,7 +401,7 @@ fn in_mm(points: &[Point2<f64>], voxel_mm: f64) -> Vec<ParamPoint> {
 
 /// A finished figure in the world.
 fn figure(solid: &Solid, sheet: &SheetSides, draft: &Draft) -> Figure {
-    let Draft { nodes, flat } = draft;
+    let Draft { nodes, flat, frame, automatic } = draft;
     let mm = solid.voxel_mm;
     let residual = PerSurface {
         medial: flat.medial.residual_variance,
@@ -391,6 +441,9 @@ fn figure(solid: &Solid, sheet: &SheetSides, draft: &Draft) -> Figure {
             lower: points(&sheet.lower.surface.positions, &flat.lower),
         },
         quality: figure_quality(nodes, residual),
+        frame: frame.clone(),
+        automatic: automatic.clone(),
+        uncertainty: None,
     }
 }
 

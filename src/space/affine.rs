@@ -114,6 +114,12 @@ impl WorldFromVoxel {
         self.axes.determinant().abs()
     }
 
+    /// The same voxels moved in the world.
+    #[must_use]
+    pub fn translated(&self, by: WorldVector) -> Self {
+        Self { origin: self.origin + by, ..*self }
+    }
+
     /// The same voxels counted from another one: `first` becomes (0, 0, 0).
     #[must_use]
     pub fn shifted_to(&self, first: Vector3<f64>) -> Self {

@@ -6,6 +6,8 @@ use medialrep::formats::thickness_json::{self, InputFacts, OuterTimings};
 use medialrep::formats::{params_json, tables};
 use medialrep::pipeline::model::Model;
 use medialrep::pipeline::observer::{Stage, Warning};
+use medialrep::pipeline::params::Params;
+use medialrep::pipeline::uncertainty::Uncertainty;
 use serde_json::{Value, json};
 
 use crate::models::model;
@@ -50,6 +52,7 @@ fn thickness_json_has_the_names_of_the_contract() {
         "volume_mm3",
         "working_voxel_mm",
         "resolved",
+        "automatic",
         "figures",
         "junctions",
         "quality",
@@ -84,6 +87,8 @@ fn a_figure_has_every_node_in_row_major_order() {
         "intrinsic",
         "neighbors",
         "landmarks",
+        "frame",
+        "automatic",
         "quality",
     ];
     assert_eq!(keys(figure), names);
@@ -108,6 +113,51 @@ fn a_figure_has_every_node_in_row_major_order() {
     assert_eq!(figure["quality"]["folded_cells"], json!([{"side": "upper", "i": 1, "j": 2}]));
     // What is no number is null.
     assert_eq!(document["structures"][0]["figures"][1]["medial"][0], json!([null, 0.0, 0.0]));
+}
+
+#[test]
+fn a_result_says_what_it_rests_on() {
+    let document = thickness(&model());
+    let structure = &document["structures"][0];
+    assert_eq!(keys(&structure["automatic"]["pruning"]), ["strength", "loss_needed", "pruned", "kept"]);
+    assert_eq!(structure["automatic"]["pruning"]["loss_needed"], json!(0.03));
+    let figure = &structure["figures"][0];
+    let frame = ["rule", "cols_along", "rows_along", "upper_towards", "aspect", "ambiguous", "reason"];
+    assert_eq!(keys(&figure["frame"]), frame);
+    assert_eq!(figure["frame"]["rule"], "longer_axis");
+    assert_eq!((&figure["frame"]["ambiguous"], &figure["frame"]["aspect"]), (&json!(true), &json!(1.25)));
+    assert_eq!(figure["frame"]["reason"], "the sheet is nearly square");
+    let automatic = &figure["automatic"];
+    assert_eq!(keys(automatic), ["neighbors", "landmarks", "grid"]);
+    assert_eq!(keys(&automatic["neighbors"]), ["chosen", "radius_mm", "graph_pieces"]);
+    assert_eq!(keys(&automatic["landmarks"]), ["chosen", "of_points", "residual_variance"]);
+    let grid = json!({"rows": 6, "cols": 8, "from": "asked", "length_mm": 35.0, "width_mm": 25.0});
+    assert_eq!(automatic["grid"], grid);
+}
+
+#[test]
+fn uncertainty_is_written_when_it_was_asked_for() {
+    let mut model = model();
+    model.params = Params { uncertainty: 2, ..Params::default() }.check().unwrap();
+    let spread = |sd: f64| vec![sd; 48];
+    model.structures[0].figures[0].uncertainty = Some(Uncertainty {
+        repeats: 2,
+        matched: 2,
+        upper_mm: spread(0.25),
+        lower_mm: spread(0.5),
+        total_mm: spread(f64::NAN),
+    });
+    let document = thickness(&model);
+    assert_eq!(document["params"]["uncertainty"], 2);
+    let found = &document["structures"][0]["figures"][0]["uncertainty"];
+    assert_eq!(keys(found), ["repeats", "matched", "upper_mm", "lower_mm", "total_mm"]);
+    assert_eq!((&found["upper_mm"][47], &found["total_mm"][0]), (&json!(0.25), &Value::Null));
+    let table = text(|out| tables::write_thickness(&model, out));
+    let lines: Vec<&str> = table.lines().collect();
+    assert!(lines[0].ends_with(",thickness_mm,valid,sd_mm"));
+    assert_eq!(lines[1 + 48 + 8], "0,11,0,1,0,lower,0,5,40,0,0,-2,2,true,0.5");
+    // A figure without one has an empty cell.
+    assert!(lines[1 + 96].ends_with(",false,"), "{}", lines[97]);
 }
 
 #[test]

@@ -32,6 +32,14 @@ mod pipeline_input;
 
 mod pipeline_stages;
 
+mod pipeline_frame;
+
+mod pipeline_refusals;
+
+mod pipeline_auto;
+
+mod pipeline_uncertainty;
+
 mod cli_serve;
 
 mod support;

@@ -1,5 +1,7 @@
 //! Models made by hand, for the writers.
 
+use medialrep::pipeline::automatic::Automatic;
+use medialrep::pipeline::frame::FrameFacts;
 use medialrep::pipeline::model::{
     Figure, FigureQuality, FlatPoints, Junction, Model, PerSurface, Reason, StageTimings, Structure, StructureQuality,
     TriangleMesh, Verdict, ring,
@@ -40,6 +42,13 @@ pub fn bent_slab(grid: LatticeSize) -> Figure {
             valid_share: 1.0,
             ..FigureQuality::default()
         },
+        frame: FrameFacts {
+            aspect: 1.25,
+            ambiguities: vec!["the sheet is nearly square".to_owned()],
+            ..FrameFacts::default()
+        },
+        automatic: Automatic { length_mm: 35.0, width_mm: 25.0, ..Automatic::default() },
+        uncertainty: None,
         medial,
         upper,
         lower,
@@ -56,6 +65,7 @@ pub fn structure(label: i64, figures: Vec<Figure>) -> Structure {
         working_voxel_mm: 1.0,
         figures,
         junctions: vec![Junction { figures: vec![0], points: vec![WorldPoint::new(1.0, 2.0, 3.0)] }],
+        pruned: 0,
         quality: StructureQuality {
             verdict: Verdict::Warn,
             reasons: vec![reason],

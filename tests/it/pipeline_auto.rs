@@ -1,0 +1,61 @@
+//! What is chosen when the choice is left to the program.
+
+use medialrep::pipeline::automatic::GridFrom;
+use medialrep::pipeline::model::Figure;
+use medialrep::pipeline::params::{GridChoice, LatticeSize, Neighbors, Params};
+use medialrep::space::LabelVolume;
+
+use crate::phantoms::{model_of, params, volume};
+
+fn figure_of(volume: &LabelVolume, params: Params) -> Figure {
+    model_of(volume, params).structures.remove(0).figures.remove(0)
+}
+
+/// Mean distances between neighbouring medial nodes along rows and along columns, mm.
+fn mean_steps(figure: &Figure) -> [f64; 2] {
+    let LatticeSize { rows, cols } = figure.grid;
+    let step = |a: usize, b: usize| (figure.medial[a] - figure.medial[b]).norm();
+    let along: Vec<f64> = (0..rows * cols).filter(|n| n % cols + 1 < cols).map(|n| step(n, n + 1)).collect();
+    let across: Vec<f64> = (0..(rows - 1) * cols).map(|n| step(n, n + cols)).collect();
+    [along, across].map(|steps| steps.iter().sum::<f64>() / steps.len() as f64)
+}
+
+#[test]
+fn nodes_are_as_far_apart_as_was_asked() {
+    for name in ["slab", "bent_even", "ellipsoid"] {
+        for (spacing_mm, margin) in [(3.0, 0.05), (2.0, 0.0)] {
+            let asked = Params { grid: GridChoice::Auto, spacing_mm: Some(spacing_mm), margin, ..params() };
+            let figure = figure_of(&volume(name), asked);
+            assert_eq!(figure.automatic.grid_from, GridFrom::Spacing);
+            // The lattice stays off the rim, and the corners are cut: rows and columns are a little
+            // shorter than the rectangle.
+            for step in mean_steps(&figure) {
+                assert!((step / spacing_mm - 1.0).abs() < 0.06, "{name}: {step:.2} mm for {spacing_mm} mm");
+            }
+        }
+    }
+}
+
+#[test]
+fn without_a_spacing_the_lattice_has_the_sheets_aspect() {
+    let figure = figure_of(&volume("slab"), Params { grid: GridChoice::Auto, ..params() });
+    let LatticeSize { rows, cols } = figure.grid;
+    let facts = &figure.automatic;
+    assert_eq!(facts.grid_from, GridFrom::Size);
+    assert!((48..=90).contains(&(rows * cols)), "{rows} × {cols}");
+    let [along, across] = mean_steps(&figure);
+    assert!((along / across - 1.0).abs() < 0.15, "{along:.2} by {across:.2} mm");
+    assert!((facts.length_mm - 54.0).abs() < 2.0 && (facts.width_mm - 38.0).abs() < 2.0, "{facts:?}");
+}
+
+#[test]
+fn the_neighbourhood_chosen_is_told_with_its_evidence() {
+    let figure = figure_of(&volume("slab"), params());
+    let facts = &figure.automatic;
+    assert_eq!((facts.neighborhood.as_str(), facts.neighborhood_mm), ("ball of 4 voxels", Some(4.0)));
+    assert_eq!([facts.graph_pieces.medial, facts.graph_pieces.upper, facts.graph_pieces.lower], [1; 3]);
+    assert_eq!(facts.grid_from, GridFrom::Asked);
+    let sparse = figure_of(&volume("slab"), Params { neighbors: Neighbors::RadiusMm(0.9), ..params() });
+    assert!(sparse.automatic.graph_pieces.medial > 1);
+    assert_eq!(sparse.automatic.neighborhood, "ball of 0.9 mm, as asked");
+}

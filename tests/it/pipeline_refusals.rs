@@ -1,0 +1,116 @@
+//! Shapes that are refused by name, each through the whole pipeline.
+
+use medialrep::pipeline::PipelineError;
+use medialrep::pipeline::params::Params;
+use medialrep::pipeline::refusal::Refusal;
+use medialrep::space::LabelVolume;
+use nalgebra::Rotation3;
+
+use crate::phantoms::{model_of, painted, params, run_of, sample, turned, volume};
+
+fn refusal_of(volume: &LabelVolume) -> Refusal {
+    match run_of(volume, params()) {
+        Err(PipelineError::Refused(refusal)) => refusal,
+        other => panic!("expected a refusal, got {:?}", other.map(|m| m.structures.len())),
+    }
+}
+
+/// A plate of 50 × 40 × 8 voxels with a round hole of some radius through its middle.
+fn holed(radius: f64) -> LabelVolume {
+    painted([60, 50, 18], [1.0; 3], |[i, j, k]| {
+        let is_plate = (5..55).contains(&i) && (5..45).contains(&j) && (5..13).contains(&k);
+        let from_middle = (i as f64 - 29.5).hypot(j as f64 - 24.5);
+        u16::from(is_plate && from_middle >= radius)
+    })
+}
+
+#[test]
+fn a_sheet_with_a_large_hole_is_refused() {
+    let refusal = refusal_of(&holed(9.0));
+    assert_eq!(refusal.code(), "sheet_has_holes", "{refusal}");
+    assert!(refusal.to_string().contains("% of its area") && refusal.hint().contains("fill the holes"));
+}
+
+#[test]
+fn a_hole_two_or_four_voxels_wide_is_filled_and_said() {
+    let structure = model_of(&holed(1.0), params()).structures.remove(0);
+    assert!(structure.warnings.iter().any(|w| w.code == "tunnels_closed"), "{:?}", structure.warnings);
+    assert_eq!(structure.figures.len(), 1);
+    let structure = model_of(&holed(2.0), params()).structures.remove(0);
+    assert!(structure.warnings.iter().any(|w| w.code == "sheet_holes_filled"), "{:?}", structure.warnings);
+}
+
+#[test]
+fn a_flat_ring_is_a_sheet_with_a_hole() {
+    let ring = painted([70, 70, 18], [1.0; 3], |[i, j, k]| {
+        let r = (i as f64 - 34.5).hypot(j as f64 - 34.5);
+        u16::from((14.0..30.0).contains(&r) && (5..13).contains(&k))
+    });
+    assert_eq!(refusal_of(&ring).code(), "sheet_has_holes");
+}
+
+#[test]
+fn a_torus_is_a_tube_as_long_as_its_circle() {
+    let torus = painted([70, 70, 24], [1.0; 3], |[i, j, k]| {
+        let r = (i as f64 - 34.5).hypot(j as f64 - 34.5) - 22.0;
+        u16::from(r.hypot(k as f64 - 11.5) <= 7.0)
+    });
+    let refusal = refusal_of(&torus);
+    let Refusal::Tube { length_mm, .. } = refusal else { panic!("{refusal}") };
+    assert!((length_mm / (std::f64::consts::TAU * 22.0) - 1.0).abs() < 0.2, "{length_mm}");
+}
+
+#[test]
+fn a_ball_and_a_tube_are_told_with_their_sizes() {
+    let ball = refusal_of(&volume("ball"));
+    let Refusal::Ball { radius_mm } = ball else { panic!("{ball:?}") };
+    assert!((radius_mm - 15.0).abs() < 1.0, "{radius_mm}");
+    let tube = refusal_of(&volume("tube"));
+    let Refusal::Tube { length_mm, radius_mm } = tube else { panic!("{tube:?}") };
+    assert!((radius_mm - 8.0).abs() < 1.0 && (55.0..75.0).contains(&length_mm), "{length_mm} {radius_mm}");
+    for refusal in [ball, tube] {
+        assert!(!refusal.to_string().contains(" 0.0"), "{refusal}");
+    }
+}
+
+#[test]
+fn the_resolution_that_a_thin_plate_is_told_does() {
+    let plate = |spacing: f64| {
+        let [length, width, thickness] = [30.0, 24.0, 1.0];
+        let dims =
+            [length, width, thickness].map(|mm: f64| (0..).find(|n| f64::from(*n) * spacing >= mm).expect("some"));
+        let dims = dims.map(|n: i32| usize::try_from(n).expect("positive"));
+        painted(dims.map(|n| n + 6), [spacing; 3], move |at| {
+            u16::from((0..3).all(|a| (3..3 + dims[a]).contains(&at[a])))
+        })
+    };
+    let refusal = refusal_of(&plate(1.0));
+    let Refusal::TooThin { resolution_mm, thickness_mm, .. } = refusal else { panic!("{refusal}") };
+    assert!((thickness_mm - 1.0).abs() < 0.3, "{thickness_mm}");
+    assert!(refusal.hint().contains(&format!("{resolution_mm:.2}")));
+    for done in [
+        run_of(&plate(resolution_mm), params()),
+        run_of(&plate(1.0), Params { resolution_mm: Some(resolution_mm), ..params() }),
+    ] {
+        let figure = done.expect("fine enough now").structures.remove(0).figures.remove(0);
+        let total =
+            |n: usize| (figure.upper[n] - figure.medial[n]).norm() + (figure.lower[n] - figure.medial[n]).norm();
+        let middle = 6 * 20 + 10;
+        assert!((total(middle) - 1.0).abs() < 0.25, "{:.2} mm in the middle", total(middle));
+    }
+}
+
+#[test]
+fn the_sample_of_a_thin_sheet_works_at_the_resolution_it_is_told() {
+    let Refusal::TooThin { resolution_mm, .. } = refusal_of(&volume("thin")) else { panic!("not too thin") };
+    let fine = sample("thin").voxelise([resolution_mm; 3], Rotation3::identity()).expect("fits");
+    assert_eq!(model_of(&fine, params()).structures[0].figures.len(), 1);
+}
+
+#[test]
+fn a_moebius_band_is_refused_on_any_grid() {
+    for rotation in [Rotation3::identity(), turned()] {
+        let band = sample("mobius").voxelise([1.0; 3], rotation).expect("fits");
+        assert_eq!(refusal_of(&band).code(), "not_orientable");
+    }
+}
