@@ -29,6 +29,8 @@ pub mod colors;
 
 mod mesh_parts;
 
+mod quality_json;
+
 pub mod thickness_json;
 
 pub mod tables;

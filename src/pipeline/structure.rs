@@ -13,7 +13,7 @@ use super::isomap::{Flat, IsomapError, flatten};
 use super::mask::{LabelBox, Solid, solid};
 use super::medial::{MedialSurface, medial_surface};
 use super::model::{
-    Figure, FlatPoints, Junction, PerSurface, StageTimings, Structure, StructureQuality, TriangleMesh, Verdict,
+    Figure, FlatPoints, Junction, PerSurface, Repair, StageTimings, Structure, StructureQuality, TriangleMesh, Verdict,
 };
 use super::observer::{Cancelled, Observer, Stage, Warning};
 use super::outline::Region;
@@ -147,8 +147,10 @@ impl Work<'_> {
             for (sheet, draft) in sheet_sides.iter().zip(&drafts) {
                 out.figures.extend(draft.as_ref().map(|d| figure(&solid, sheet, d)));
             }
-            let qualities: Vec<_> = out.figures.iter().map(|f| f.quality.clone()).collect();
-            out.quality = structure_quality(&solid, &depth, &figures, &qualities);
+            let mut qualities: Vec<_> = out.figures.iter().map(|f| f.quality.clone()).collect();
+            out.quality = structure_quality(&solid, &depth, &figures, &mut qualities);
+            out.figures.iter_mut().zip(qualities).for_each(|(figure, quality)| figure.quality = quality);
+            out.quality.pruned_sheets = sheets.pruned;
         })?;
         out.junctions = junctions(&solid, &surface, &sheets, &drafts);
         if sheets.pruned > 0 {
@@ -365,7 +367,7 @@ fn figure(solid: &Solid, sheet: &SheetSides, draft: &Draft) -> Figure {
             upper: points(&sheet.upper.surface.positions, &flat.upper),
             lower: points(&sheet.lower.surface.positions, &flat.lower),
         },
-        quality: figure_quality(nodes, residual),
+        quality: figure_quality(nodes, residual, Repair::default()),
     }
 }
 

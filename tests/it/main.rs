@@ -32,6 +32,10 @@ mod pipeline_input;
 
 mod pipeline_stages;
 
+mod pipeline_legality;
+
+mod pipeline_quality;
+
 mod cli_serve;
 
 mod support;
