@@ -9,13 +9,15 @@ use super::colors::viridis_linear;
 use super::gltf_build::{Gltf, Material, Mesh, Mode};
 use super::mesh_parts::{crest_strip, outward_normals, quads};
 use super::rounded::round;
-use crate::pipeline::model::{Figure, Model, Structure};
+use crate::pipeline::closed::closed;
+use crate::pipeline::model::{Figure, Model, Structure, TriangleMesh};
 use crate::space::{WorldPoint, WorldVector};
 
 const MEDIAL: Material = Material { name: "medial", color: [1.0, 1.0, 1.0, 1.0] };
 const SIDE: Material = Material { name: "side", color: [1.0, 1.0, 1.0, 0.45] };
 const CREST: Material = Material { name: "crest", color: [0.75, 0.75, 0.75, 0.45] };
 const VECTORS: Material = Material { name: "vectors", color: [0.08, 0.08, 0.08, 1.0] };
+const CLOSED: Material = Material { name: "closed", color: [0.75, 0.75, 0.75, 0.12] };
 const OBJECT: Material = Material { name: "object", color: [0.85, 0.80, 0.75, 0.25] };
 
 /// X = −x, Y = z, Z = y in metres, column by column: a rotation (its determinant is positive),
@@ -61,12 +63,15 @@ fn add_structure(gltf: &mut Gltf, index: usize, structure: &Structure) -> usize 
     let total_range = range(figures.iter().flat_map(|f| f.total_mm.iter().zip(&f.ok)));
     let mut children = Vec::new();
     for (number, figure) in figures.iter().enumerate() {
-        let parts = figure.add_to(gltf, side_range, total_range);
+        let mut parts = figure.add_to(gltf, side_range, total_range);
+        let closed = closed(figure.figure.into()).and_then(|mesh| solid_mesh("closed", &mesh, CLOSED));
         let extras = json!({"structure": index, "label": structure.label, "figure": number,
-            "rows": figure.figure.grid.rows, "cols": figure.figure.grid.cols});
+            "rows": figure.figure.grid.rows, "cols": figure.figure.grid.cols,
+            "has_closed_surface": closed.is_some()});
+        parts.extend(closed.map(|mesh| gltf.mesh_node(&mesh, json!({"kind": "closed"}))));
         children.push(gltf.node(fields(json!({"name": format!("figure {number}"), "extras": extras})), &parts));
     }
-    if let Some(object) = object_mesh(structure) {
+    if let Some(object) = solid_mesh("object", &structure.object, OBJECT) {
         children.push(gltf.mesh_node(&object, json!({"kind": "object"})));
     }
     let mut extras = json!({"structure": index, "label": structure.label});
@@ -210,17 +215,17 @@ struct Surface<'a> {
     material: Material,
 }
 
-fn object_mesh(structure: &Structure) -> Option<Mesh> {
-    let object = &structure.object;
-    let triangles: Vec<[usize; 3]> = object.triangles.iter().map(|t| t.map(|n| n as usize)).collect();
-    let normals = super::mesh_parts::normals(&object.positions, &triangles, None);
-    if triangles.is_empty() || !object.positions.iter().all(|p| p.iter().all(|x| x.is_finite())) {
+/// A mesh of triangles that face outward. `None` when it has none or a corner is not finite.
+fn solid_mesh(name: &'static str, solid: &TriangleMesh, material: Material) -> Option<Mesh> {
+    let triangles: Vec<[usize; 3]> = solid.triangles.iter().map(|t| t.map(|n| n as usize)).collect();
+    if triangles.is_empty() || !solid.positions.iter().all(|p| p.iter().all(|x| x.is_finite())) {
         return None;
     }
-    let mut mesh = plain("object", Mode::Triangles, OBJECT);
-    mesh.positions = object.positions.iter().map(vertex).collect();
+    let normals = super::mesh_parts::normals(&solid.positions, &triangles, None);
+    let mut mesh = plain(name, Mode::Triangles, material);
+    mesh.positions = solid.positions.iter().map(vertex).collect();
     mesh.normals = Some(normals.iter().map(|normal| normal.map(single).into()).collect());
-    mesh.indices = object.triangles.iter().flatten().copied().collect();
+    mesh.indices = solid.triangles.iter().flatten().copied().collect();
     Some(mesh)
 }
 

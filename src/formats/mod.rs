@@ -30,6 +30,7 @@ pub mod colors;
 mod mesh_parts;
 
 mod evidence_json;
+mod quality_json;
 
 pub mod thickness_json;
 

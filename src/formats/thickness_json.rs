@@ -8,13 +8,13 @@ use serde_json::Value;
 
 use super::evidence_json::{AutomaticJson, FrameJson, StructureAutomaticJson, UncertaintyJson};
 use super::params_json::params_to_json;
+use super::quality_json::{FigureQualityJson, QualityJson, figure_quality_json, quality_json};
 use super::rounded::{List, Rounded};
-use crate::pipeline::model::{
-    DistanceSummary, Figure, FigureQuality, Junction, Model, PerSurface, Structure, StructureQuality, Verdict,
-};
+use crate::pipeline::model::{Figure, Junction, Model, PerSurface, Structure};
 use crate::pipeline::observer::{Stage, Warning};
 use crate::pipeline::params::CheckedParams;
 use crate::pipeline::sheets::strength;
+use crate::pipeline::summary::{LengthSummary, ThicknessSummary};
 use crate::space::{WorldPoint, WorldVector};
 
 /// Where the model came from. Never the file's name: it may name a patient.
@@ -138,6 +138,7 @@ struct StructureJson<'a> {
     refusal: Option<RefusalJson>,
     figures: Vec<FigureJson<'a>>,
     junctions: Vec<JunctionJson<'a>>,
+    thickness_summary: SummaryJson,
     quality: QualityJson<'a>,
     warnings: Vec<WarningJson<'a>>,
     timings_ms: StageTimingsJson<'a>,
@@ -168,6 +169,7 @@ struct FigureJson<'a> {
     valid: &'a [bool],
     vectors: Sides<Vectors>,
     thickness: Thickness,
+    thickness_summary: SummaryJson,
     medial_radius_mm: List<'a, f64>,
     intrinsic: Surfaces<List<'a, crate::space::ParamPoint>>,
     neighbors: Surfaces<Rounded>,
@@ -217,53 +219,28 @@ struct Thickness {
     total_mm: Vec<Rounded>,
 }
 
+/// Area-weighted statistics of the lengths in [`Thickness`].
 #[derive(Serialize)]
-struct FigureQualityJson {
-    residual_variance: Surfaces<Rounded>,
-    folds: usize,
-    corners: usize,
-    folded_cells: Vec<FoldedCell>,
-    spacing_variation: Rounded,
-    valid_share: Rounded,
+struct SummaryJson {
+    upper_mm: LengthJson,
+    lower_mm: LengthJson,
+    total_mm: LengthJson,
+    area_mm2: Rounded,
 }
 
 #[derive(Serialize)]
-struct FoldedCell {
-    side: &'static str,
-    i: usize,
-    j: usize,
+struct LengthJson {
+    mean: Rounded,
+    sd: Rounded,
+    p5: Rounded,
+    p50: Rounded,
+    p95: Rounded,
 }
 
 #[derive(Serialize)]
 struct JunctionJson<'a> {
     figures: &'a [usize],
     points: List<'a, WorldPoint>,
-}
-
-#[derive(Serialize)]
-struct QualityJson<'a> {
-    verdict: &'static str,
-    reasons: Vec<ReasonJson<'a>>,
-    dice: Rounded,
-    folds: usize,
-    mask_to_model: DistanceJson,
-    model_to_mask: DistanceJson,
-    covered_share: Rounded,
-}
-
-#[derive(Serialize)]
-struct ReasonJson<'a> {
-    code: &'static str,
-    message: &'a str,
-    value: Rounded,
-    threshold: Rounded,
-}
-
-#[derive(Serialize)]
-struct DistanceJson {
-    mean_mm: Rounded,
-    p95_mm: Rounded,
-    max_mm: Rounded,
 }
 
 /// The eight stages by name, in order, and their sum.
@@ -301,6 +278,7 @@ fn structure_json<'a>(params: &CheckedParams, index: usize, structure: &'a Struc
         }),
         figures: structure.figures.iter().enumerate().map(figure_json).collect(),
         junctions: structure.junctions.iter().map(junction_json).collect(),
+        thickness_summary: summary_json(structure.thickness_summary()),
         quality: quality_json(&structure.quality),
         warnings: warnings_json(&structure.warnings),
         timings_ms: StageTimingsJson(structure),
@@ -318,6 +296,7 @@ fn figure_json((index, figure): (usize, &Figure)) -> FigureJson<'_> {
         crest: List(&figure.crest),
         valid: &figure.valid,
         thickness: thickness(&vectors),
+        thickness_summary: summary_json(figure.thickness_summary()),
         vectors: Sides { upper: Vectors(vectors.upper), lower: Vectors(vectors.lower) },
         medial_radius_mm: List(&figure.medial_radius_mm),
         intrinsic: surfaces(&figure.intrinsic, |points| List(points)),
@@ -340,47 +319,24 @@ fn thickness(vectors: &Sides<Vec<WorldVector>>) -> Thickness {
     }
 }
 
-fn figure_quality_json(quality: &FigureQuality) -> FigureQualityJson {
-    let folded =
-        |&(is_upper, i, j): &(bool, usize, usize)| FoldedCell { side: if is_upper { "upper" } else { "lower" }, i, j };
-    FigureQualityJson {
-        residual_variance: surfaces(&quality.residual_variance, |share| Rounded(*share)),
-        folds: quality.folds,
-        corners: quality.corners,
-        folded_cells: quality.folded_cells.iter().map(folded).collect(),
-        spacing_variation: Rounded(quality.spacing_variation),
-        valid_share: Rounded(quality.valid_share),
+fn summary_json(summary: ThicknessSummary) -> SummaryJson {
+    let length = |LengthSummary { mean, sd, p5, p50, p95 }: LengthSummary| LengthJson {
+        mean: Rounded(mean),
+        sd: Rounded(sd),
+        p5: Rounded(p5),
+        p50: Rounded(p50),
+        p95: Rounded(p95),
+    };
+    SummaryJson {
+        upper_mm: length(summary.upper_mm),
+        lower_mm: length(summary.lower_mm),
+        total_mm: length(summary.total_mm),
+        area_mm2: Rounded(summary.area_mm2),
     }
 }
 
 fn junction_json(junction: &Junction) -> JunctionJson<'_> {
     JunctionJson { figures: &junction.figures, points: List(&junction.points) }
-}
-
-fn quality_json(quality: &StructureQuality) -> QualityJson<'_> {
-    let reasons = quality.reasons.iter().map(|reason| ReasonJson {
-        code: reason.code,
-        message: &reason.message,
-        value: Rounded(reason.value),
-        threshold: Rounded(reason.threshold),
-    });
-    QualityJson {
-        verdict: match quality.verdict {
-            Verdict::Pass => "pass",
-            Verdict::Warn => "warn",
-            Verdict::Fail => "fail",
-        },
-        reasons: reasons.collect(),
-        dice: Rounded(quality.dice),
-        folds: quality.folds,
-        mask_to_model: distance_json(quality.mask_to_model),
-        model_to_mask: distance_json(quality.model_to_mask),
-        covered_share: Rounded(quality.covered_share),
-    }
-}
-
-fn distance_json(summary: DistanceSummary) -> DistanceJson {
-    DistanceJson { mean_mm: Rounded(summary.mean_mm), p95_mm: Rounded(summary.p95_mm), max_mm: Rounded(summary.max_mm) }
 }
 
 fn warnings_json(warnings: &[Warning]) -> Vec<WarningJson<'_>> {

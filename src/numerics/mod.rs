@@ -18,3 +18,5 @@ pub mod eigen;
 pub mod fit;
 
 pub mod surface_nets;
+
+pub mod triangles;

@@ -4,7 +4,7 @@
 //! ```text
 //! LabelVolume ── mask ── Solid ── depth ── Depth ── medial ── MedialSurface ── sheets ── Sheets
 //!   ── sides ── SheetSides ── isomap ── Flat ── frame, outline, lattice ── Lattice
-//!   ── spokes ── Nodes ── quality ── Figure, StructureQuality
+//!   ── spokes ── Nodes ── legality, closed, coverage, measures, verdict ── quality ── Figure, StructureQuality
 //! ```
 
 pub mod params;
@@ -46,6 +46,19 @@ pub mod rim;
 pub mod anchored;
 
 pub mod repair;
+pub mod shell;
+
+pub mod legality;
+
+pub mod closed;
+
+pub mod coverage;
+
+pub mod measures;
+
+pub mod summary;
+
+pub mod verdict;
 
 pub mod quality;
 

@@ -15,7 +15,7 @@ use super::isomap::{Flat, IsomapError, flatten};
 use super::mask::{LabelBox, Solid, solid};
 use super::medial::{MedialSurface, medial_surface};
 use super::model::{
-    Figure, FlatPoints, Junction, PerSurface, StageTimings, Structure, StructureQuality, TriangleMesh, Verdict,
+    Figure, FlatPoints, Junction, PerSurface, Repair, StageTimings, Structure, StructureQuality, TriangleMesh, Verdict,
 };
 use super::observer::{Cancelled, Observer, Stage, Warning};
 use super::outline::Region;
@@ -91,6 +91,7 @@ struct Draft {
     flat: PerSurface<Flat>,
     frame: FrameFacts,
     automatic: Automatic,
+    repair: Repair,
 }
 
 impl Work<'_> {
@@ -196,8 +197,10 @@ impl Work<'_> {
                 out.figures.extend(draft.as_ref().map(|d| figure(&solid, sheet, d)));
             }
             if self.repeat.is_none() {
-                let qualities: Vec<_> = out.figures.iter().map(|f| f.quality.clone()).collect();
-                out.quality = structure_quality(&solid, &depth, &figures, &qualities);
+                let mut qualities: Vec<_> = out.figures.iter().map(|f| f.quality.clone()).collect();
+                out.quality = structure_quality(&solid, &depth, &figures, &mut qualities);
+                out.figures.iter_mut().zip(qualities).for_each(|(figure, quality)| figure.quality = quality);
+                out.quality.pruned_sheets = sheets.pruned;
             }
         })?;
         out.junctions = junctions(&solid, &surface, &sheets, &drafts);
@@ -273,13 +276,14 @@ impl Work<'_> {
             let lattice = lattice.ok_or(Refusal::TooSmall { points: sheet.medial.positions.len(), needed: MIN_SHEET_POINTS })?;
             let (nodes, repaired) = self.stage(timings, Stage::Spokes, || anchored(solid, sheet, &whole, lattice))?;
             if std::env::var("DBG").is_ok() { eprintln!("{repaired:?}"); }
-            return Ok(Draft { nodes, flat, frame, automatic });
+            let repair = Repair { folds_before: repaired.before, moved_nodes: repaired.nodes };
+            return Ok(Draft { nodes, flat, frame, automatic, repair });
         }
         let lattices = self.stage(timings, Stage::Lattice, || lattices(&flat, self.params, size))?;
         let needed = MIN_SHEET_POINTS;
         let lattices = lattices.ok_or(Refusal::TooSmall { points: sheet.medial.positions.len(), needed })?;
         let nodes = self.stage(timings, Stage::Spokes, || paper(solid, sheet, &flat, lattices))?;
-        Ok(Draft { nodes, flat, frame, automatic })
+        Ok(Draft { nodes, flat, frame, automatic, repair: Repair::default() })
     }
 
     /// ISOMAP of the sheet and its sides, turned into one frame.
@@ -401,7 +405,7 @@ fn in_mm(points: &[Point2<f64>], voxel_mm: f64) -> Vec<ParamPoint> {
 
 /// A finished figure in the world.
 fn figure(solid: &Solid, sheet: &SheetSides, draft: &Draft) -> Figure {
-    let Draft { nodes, flat, frame, automatic } = draft;
+    let Draft { nodes, flat, frame, automatic, repair } = draft;
     let mm = solid.voxel_mm;
     let residual = PerSurface {
         medial: flat.medial.residual_variance,
@@ -440,7 +444,7 @@ fn figure(solid: &Solid, sheet: &SheetSides, draft: &Draft) -> Figure {
             upper: points(&sheet.upper.surface.positions, &flat.upper),
             lower: points(&sheet.lower.surface.positions, &flat.lower),
         },
-        quality: figure_quality(nodes, residual),
+        quality: figure_quality(nodes, residual, *repair),
         frame: frame.clone(),
         automatic: automatic.clone(),
         uncertainty: None,

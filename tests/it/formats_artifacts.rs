@@ -55,6 +55,7 @@ fn thickness_json_has_the_names_of_the_contract() {
         "automatic",
         "figures",
         "junctions",
+        "thickness_summary",
         "quality",
         "warnings",
         "timings_ms",
@@ -83,6 +84,7 @@ fn a_figure_has_every_node_in_row_major_order() {
         "valid",
         "vectors",
         "thickness",
+        "thickness_summary",
         "medial_radius_mm",
         "intrinsic",
         "neighbors",
@@ -158,6 +160,28 @@ fn uncertainty_is_written_when_it_was_asked_for() {
     assert_eq!(lines[1 + 48 + 8], "0,11,0,1,0,lower,0,5,40,0,0,-2,2,true,0.5");
     // A figure without one has an empty cell.
     assert!(lines[1 + 96].ends_with(",false,"), "{}", lines[97]);
+
+fn quality_has_its_names_per_figure_and_per_structure() {
+    let document = thickness(&model());
+    let structure = &document["structures"][0];
+    let fit = ["dice", "covered_share", "mask_to_model", "model_to_mask"];
+    let folds = ["folds", "folds_before_repair", "repaired_nodes"];
+    let even = ["spacing_variation", "distortion", "medial_offset"];
+    let turned = ["folded_cells", "folded_centres", "folded_wedges", "self_intersections"];
+    let expected = [&["residual_variance"], &folds[..], &["corners"], &turned, &fit, &even, &["valid_share"]].concat();
+    assert_eq!(keys(&structure["figures"][0]["quality"]), expected);
+    let verdict = ["verdict", "reasons", "thresholds"];
+    let expected =
+        [&verdict, &folds[..], &turned[1..], &fit, &["residual_variance"], &even, &["pruned_sheets"]].concat();
+    assert_eq!(keys(&structure["quality"]), expected);
+    let distortion = ["area_sd", "area_max_log", "angle_mean_deg", "angle_max_deg"];
+    assert_eq!(keys(&structure["quality"]["distortion"]), distortion);
+    assert_eq!(keys(&structure["quality"]["medial_offset"]), ["mean", "p95"]);
+    assert_eq!(keys(&structure["thickness_summary"]), ["upper_mm", "lower_mm", "total_mm", "area_mm2"]);
+    assert_eq!(structure["figures"][0]["thickness_summary"]["lower_mm"]["p95"], json!(2.0));
+    assert_eq!(keys(&structure["thickness_summary"]["total_mm"]), ["mean", "sd", "p5", "p50", "p95"]);
+    // A refused structure has no sheet to take a mean over.
+    assert_eq!(document["structures"][1]["thickness_summary"]["total_mm"]["mean"], Value::Null);
 }
 
 #[test]

@@ -5,11 +5,13 @@ use std::process::Command;
 
 use gltf::mesh::Mode;
 use medialrep::formats::glb;
-use medialrep::pipeline::model::Model;
+use medialrep::numerics::triangles::volume;
+use medialrep::pipeline::model::{Model, TriangleMesh};
 use nalgebra::{Matrix4, Point3, Vector3};
 use serde_json::Value;
 
 use crate::models::model;
+use crate::pipeline_legality::check_watertight;
 
 fn bytes(model: &Model) -> Vec<u8> {
     let mut bytes = Vec::new();
@@ -35,9 +37,12 @@ fn the_scene_is_root_structures_figures_meshes() {
     let structure = child(&roots[0], "label 11");
     assert_eq!(names(&structure), ["figure 0", "figure 1", "object"]);
     assert_eq!(extras(&structure)["label"], 11);
-    for figure in ["figure 0", "figure 1"] {
-        assert_eq!(names(&child(&structure, figure)), ["medial", "upper", "lower", "crest", "vectors"]);
-    }
+    let parts = ["medial", "upper", "lower", "crest", "vectors", "closed"];
+    assert_eq!(names(&child(&structure, "figure 0")), parts);
+    assert_eq!(extras(&child(&structure, "figure 0"))["has_closed_surface"], true);
+    // A node is invalid: its surface has a hole.
+    assert_eq!(names(&child(&structure, "figure 1")), parts[..5]);
+    assert_eq!(extras(&child(&structure, "figure 1"))["has_closed_surface"], false);
     let range = extras(&child(&child(&structure, "figure 0"), "upper"))["color_range_mm"].clone();
     assert_eq!(range, serde_json::json!([2.0, 3.625]));
     let refused = child(&roots[0], "label 2101");
@@ -116,6 +121,25 @@ fn an_invalid_node_is_not_drawn() {
     assert_eq!(count("vectors"), 2 * 2 * 29);
     assert_eq!(count("crest"), 3 * 4 * (18 - 2));
     assert_eq!(second("vectors").primitives().next().unwrap().mode(), Mode::Lines);
+}
+
+#[test]
+fn the_closed_surface_is_one_watertight_mesh_that_faces_outward() {
+    let (document, buffers, _) = gltf::import_slice(bytes(&model())).unwrap();
+    let mesh = document.meshes().find(|mesh| mesh.name() == Some("closed")).unwrap();
+    let primitive = mesh.primitives().next().unwrap();
+    let reader = primitive.reader(|buffer| Some(&buffers[buffer.index()]));
+    let positions = reader.read_positions().unwrap().map(|p| Point3::from(p).cast::<f64>()).collect::<Vec<_>>();
+    let indices: Vec<u32> = reader.read_indices().unwrap().into_u32().collect();
+    let triangles = indices.chunks(3).map(|t| [t[0], t[1], t[2]]).collect();
+    let mesh = TriangleMesh { positions, triangles };
+    check_watertight(&mesh);
+    // 25 × 35 of 5 to 6 thick, and the crest.
+    let volume = volume(&mesh.positions, &mesh.triangles);
+    assert!((4400.0..5600.0).contains(&volume), "{volume}");
+    let normals: Vec<Vector3<f32>> = reader.read_normals().unwrap().map(Vector3::from).collect();
+    assert_eq!(normals.len(), mesh.positions.len());
+    assert!(normals.iter().all(|normal| (normal.norm() - 1.0).abs() < 1e-5));
 }
 
 #[test]

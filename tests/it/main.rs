@@ -39,6 +39,9 @@ mod pipeline_refusals;
 mod pipeline_auto;
 
 mod pipeline_uncertainty;
+mod pipeline_legality;
+
+mod pipeline_quality;
 
 mod cli_serve;
 

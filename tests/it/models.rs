@@ -3,13 +3,15 @@
 use medialrep::pipeline::automatic::Automatic;
 use medialrep::pipeline::frame::FrameFacts;
 use medialrep::pipeline::model::{
-    Figure, FigureQuality, FlatPoints, Junction, Model, PerSurface, Reason, StageTimings, Structure, StructureQuality,
-    TriangleMesh, Verdict, ring,
+    Coverage, Figure, FigureQuality, FlatPoints, Junction, Model, PerSurface, Reason, StageTimings, Structure,
+    StructureQuality, TriangleMesh, Verdict, ring,
 };
 use medialrep::pipeline::observer::Warning;
 use medialrep::pipeline::params::{LatticeSize, Params};
 use medialrep::pipeline::refusal::Refusal;
+use medialrep::pipeline::spokes::Nodes;
 use medialrep::space::{ParamPoint, WorldFromVoxel, WorldPoint, WorldVector};
+use nalgebra::{Point3, Vector3};
 
 /// A slab bent over a cylinder of 40 mm, nodes 5 mm apart along the bend and along its axis; 3
 /// to 4 mm thick above, 2 mm below.
@@ -55,6 +57,34 @@ pub fn bent_slab(grid: LatticeSize) -> Figure {
     }
 }
 
+/// Nodes of a flat slab: rows 2 apart along x, columns 3 apart along y, 1.5 thick on each side;
+/// the crest is 1 further out, diagonally at the corners.
+pub fn flat_slab(size: LatticeSize) -> Nodes {
+    let plane: Vec<ParamPoint> = (0..size.rows * size.cols)
+        .map(|n| ParamPoint::new(3.0 * (n % size.cols) as f64, 2.0 * (n / size.cols) as f64))
+        .collect();
+    let at = |z: f64| plane.iter().map(|p| Point3::new(p.y, p.x, z)).collect::<Vec<_>>();
+    let medial = at(0.0);
+    let crest = ring(size).iter().map(|&n| medial[n] + outward(size, n)).collect();
+    Nodes {
+        size,
+        radii: vec![1.5; medial.len()],
+        upper: at(1.5),
+        lower: at(-1.5),
+        crest,
+        valid: vec![true; medial.len()],
+        intrinsic: PerSurface { medial: plane.clone(), upper: plane.clone(), lower: plane },
+        medial,
+    }
+}
+
+/// Away from the lattice at an edge node of [`flat_slab`].
+pub fn outward(size: LatticeSize, node: usize) -> Vector3<f64> {
+    let (i, j) = (node / size.cols, node % size.cols);
+    let along = |at: usize, count: usize| f64::from(u8::from(at + 1 == count)) - f64::from(u8::from(at == 0));
+    Vector3::new(along(i, size.rows), along(j, size.cols), 0.0)
+}
+
 /// A structure of that figure with a tetrahedron as its object.
 pub fn structure(label: i64, figures: Vec<Figure>) -> Structure {
     let reason = Reason { code: "few_nodes", message: "few nodes".to_owned(), value: 0.1 + 0.2, threshold: f64::NAN };
@@ -69,7 +99,7 @@ pub fn structure(label: i64, figures: Vec<Figure>) -> Structure {
         quality: StructureQuality {
             verdict: Verdict::Warn,
             reasons: vec![reason],
-            dice: 0.96,
+            coverage: Coverage { dice: 0.96, ..Coverage::default() },
             ..StructureQuality::default()
         },
         warnings: vec![Warning { code: "a_warning", message: "a \"quoted\" warning".to_owned() }],

@@ -189,7 +189,7 @@ fn a_coarser_working_voxel_is_used_and_told() {
     let params = Params { resolution_mm: Some(1.5), ..params() };
     let structure = &model_of(&volume("bent_even"), params).structures[0];
     assert!((structure.working_voxel_mm - 1.5).abs() < 1e-12);
-    assert!(structure.quality.dice > 0.9);
+    assert!(structure.quality.coverage.dice > 0.9);
 }
 
 #[test]

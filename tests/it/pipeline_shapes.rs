@@ -28,10 +28,12 @@ fn check_single_sheet(name: &str, spacing_mm: [f64; 3], bars: &Bars) {
     let skin = rms(figure.upper.iter().chain(&figure.lower).map(|p| shape.signed_mm(*p)));
     let radius =
         rms(figure.medial.iter().zip(&figure.medial_radius_mm).map(|(p, r)| r / true_radius(&shape, *p) - 1.0));
-    let found =
-        format!("{name}: medial {medial:.3} skin {skin:.3} radius {radius:.3} dice {:.3}", structure.quality.dice);
+    let found = format!(
+        "{name}: medial {medial:.3} skin {skin:.3} radius {radius:.3} dice {:.3}",
+        structure.quality.coverage.dice
+    );
     assert!(medial <= bars.medial && skin <= bars.skin && radius <= bars.radius, "{found}");
-    assert!(structure.quality.dice >= bars.dice, "{found}");
+    assert!(structure.quality.coverage.dice >= bars.dice, "{found}");
     assert!(figure.quality.spacing_variation <= 0.05, "spacing {}", figure.quality.spacing_variation);
     assert!(figure.quality.folds as f64 <= 0.01 * figure.quality.corners as f64, "{} folds", figure.quality.folds);
     assert!(figure.valid.iter().all(|v| *v), "every node of a fitted lattice lies on the sheet");

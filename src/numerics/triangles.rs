@@ -1,0 +1,211 @@
+//! Triangle meshes: volume, and places where a mesh runs through itself.
+
+use nalgebra::{Point3, Vector3};
+
+use super::field::id;
+
+/// The volume that a closed mesh encloses, positive when its triangles run
+/// counter-clockwise seen from outside.
+#[must_use]
+pub fn volume(positions: &[Point3<f64>], triangles: &[[u32; 3]]) -> f64 {
+    // Measured from a point of the mesh, so that nothing is lost far from the origin.
+    let Some(origin) = positions.first() else { return 0.0 };
+    let cone = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|n| positions[n as usize] - origin);
+        a.cross(&b).dot(&c)
+    };
+    triangles.iter().map(cone).sum::<f64>() / 6.0
+}
+
+/// Pairs of triangles that share no corner and run through each other. Triangles that only
+/// touch, or that overlap in one plane, are not counted.
+#[must_use]
+pub fn self_intersections(positions: &[Point3<f64>], triangles: &[[u32; 3]]) -> usize {
+    let corners: Vec<Corners> = triangles.iter().map(|t| t.map(|n| positions[n as usize])).collect();
+    let tree = BoxTree::new(&corners);
+    let meets = |a: usize, b: usize| {
+        let is_apart = triangles[a].iter().all(|n| !triangles[b].contains(n));
+        is_apart && do_cross(&corners[a], &corners[b])
+    };
+    (0..corners.len()).map(|a| tree.overlapping(&Bounds::of(&corners[a]), |b| b > a && meets(a, b))).sum()
+}
+
+type Corners = [Point3<f64>; 3];
+
+/// Whether an edge of one triangle passes through the other. Two triangles in different planes
+/// meet in a segment each end of which lies on such an edge.
+fn do_cross(a: &Corners, b: &Corners) -> bool {
+    let pierces = |from: &Corners, through: &Corners| (0..3).any(|k| pierces(from[k], from[(k + 1) % 3], through));
+    pierces(a, b) || pierces(b, a)
+}
+
+/// Whether the segment from `p` to `q` has its ends strictly on both sides of a triangle's plane
+/// and passes through the triangle, its border included.
+fn pierces(p: Point3<f64>, q: Point3<f64>, [a, b, c]: &Corners) -> bool {
+    let normal = (b - a).cross(&(c - a));
+    let (above, below) = (normal.dot(&(p - a)), normal.dot(&(q - a)));
+    if above * below >= 0.0 || above.is_nan() || below.is_nan() {
+        return false;
+    }
+    let way = q - p;
+    let turn = |from: &Point3<f64>, to: &Point3<f64>| way.dot(&(from - p).cross(&(to - p)));
+    let turns = [turn(a, b), turn(b, c), turn(c, a)];
+    turns.iter().all(|t| *t >= 0.0) || turns.iter().all(|t| *t <= 0.0)
+}
+
+/// A box along the axes.
+#[derive(Clone, Copy, Debug)]
+struct Bounds {
+    low: Vector3<f64>,
+    high: Vector3<f64>,
+}
+
+impl Bounds {
+    fn of(corners: &Corners) -> Self {
+        let [a, b, c] = corners.map(|p| p.coords);
+        Self { low: a.inf(&b).inf(&c), high: a.sup(&b).sup(&c) }
+    }
+
+    fn and(self, other: Self) -> Self {
+        Self { low: self.low.inf(&other.low), high: self.high.sup(&other.high) }
+    }
+
+    fn overlaps(&self, other: &Self) -> bool {
+        (0..3).all(|x| self.low[x] <= other.high[x] && other.low[x] <= self.high[x])
+    }
+}
+
+/// Triangles in a tree of boxes, halved along the longest side.
+struct BoxTree {
+    nodes: Vec<BoxNode>,
+    order: Vec<u32>,
+    bounds: Vec<Bounds>,
+}
+
+struct BoxNode {
+    bounds: Bounds,
+    /// Its triangles, a range of the order.
+    start: usize,
+    end: usize,
+    /// Its halves; none of a leaf.
+    halves: Option<[usize; 2]>,
+}
+
+impl BoxTree {
+    /// Triangles of a leaf: fewer cost more boxes than tests are saved.
+    const LEAF: usize = 6;
+
+    fn new(corners: &[Corners]) -> Self {
+        let bounds = corners.iter().map(Bounds::of).collect();
+        let mut tree = Self { nodes: Vec::new(), order: (0..corners.len()).map(id).collect(), bounds };
+        if !corners.is_empty() {
+            tree.add(0, corners.len());
+        }
+        tree
+    }
+
+    /// Adds the node of a range and all below it. Halving keeps the depth below 64.
+    fn add(&mut self, start: usize, end: usize) -> usize {
+        let each = self.order[start..end].iter().map(|&t| self.bounds[t as usize]);
+        let Some(bounds) = each.reduce(Bounds::and) else { return 0 };
+        let place = self.nodes.len();
+        self.nodes.push(BoxNode { bounds, start, end, halves: None });
+        if end - start > Self::LEAF {
+            let axis = (bounds.high - bounds.low).imax();
+            let middle = start.midpoint(end);
+            let known = &self.bounds;
+            let key = |t: &u32| known[*t as usize].low[axis] + known[*t as usize].high[axis];
+            self.order[start..end]
+                .select_nth_unstable_by(middle - start, |a, b| key(a).total_cmp(&key(b)).then(a.cmp(b)));
+            let halves = [self.add(start, middle), self.add(middle, end)];
+            self.nodes[place].halves = Some(halves);
+        }
+        place
+    }
+
+    /// How many triangles with a box that overlaps `with` are `wanted`.
+    fn overlapping(&self, with: &Bounds, wanted: impl Fn(usize) -> bool) -> usize {
+        let mut count = 0;
+        let mut stack = vec![0];
+        while let Some(place) = stack.pop() {
+            let Some(node) = self.nodes.get(place).filter(|node| node.bounds.overlaps(with)) else { continue };
+            match node.halves {
+                Some(halves) => stack.extend(halves),
+                None => {
+                    let triangles = self.order[node.start..node.end].iter().map(|&t| t as usize);
+                    count += triangles.filter(|&t| self.bounds[t].overlaps(with) && wanted(t)).count();
+                }
+            }
+        }
+        count
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A tetrahedron with its corner at `at`.
+    fn tetrahedron(at: [f64; 3]) -> (Vec<Point3<f64>>, Vec<[u32; 3]>) {
+        let from = Vector3::from(at);
+        let points = [[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, 3.0]];
+        (points.map(|p| Point3::from(p) + from).to_vec(), vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    }
+
+    fn both(other: [f64; 3]) -> (Vec<Point3<f64>>, Vec<[u32; 3]>) {
+        let (mut points, mut triangles) = tetrahedron([0.0; 3]);
+        let (more, again) = tetrahedron(other);
+        points.extend(more);
+        triangles.extend(again.into_iter().map(|t| t.map(|n| n + 4)));
+        (points, triangles)
+    }
+
+    #[test]
+    fn the_volume_is_that_of_the_solid_wherever_it_lies() {
+        for at in [[0.0; 3], [1e6, -2e6, 3e6]] {
+            let (points, mut triangles) = tetrahedron(at);
+            assert!((volume(&points, &triangles) - 4.5).abs() < 1e-9);
+            triangles.iter_mut().for_each(|t| t.swap(0, 1));
+            assert!((volume(&points, &triangles) + 4.5).abs() < 1e-9);
+        }
+        assert_eq!(volume(&[], &[]), 0.0);
+    }
+
+    #[test]
+    fn solids_that_run_through_each_other_are_found_and_others_not() {
+        let count = |other| {
+            let (points, triangles) = both(other);
+            self_intersections(&points, &triangles)
+        };
+        // The slanted face of the first goes through three faces of the second.
+        assert_eq!(count([0.5, 0.5, 0.5]), 3);
+        assert_eq!(count([1.5, 1.5, 1.5]), 0);
+        assert_eq!(count([0.0, 0.0, 3.5]), 0);
+        assert_eq!(self_intersections(&[], &[]), 0);
+    }
+
+    #[test]
+    fn the_tree_of_boxes_finds_what_all_pairs_find() {
+        // Loose triangles from a fixed sequence.
+        let mut state = 0x2545_F491_4F6C_DD1D_u64;
+        let mut next = || {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            (state % 1000) as f64 / 1000.0
+        };
+        let mut points = Vec::new();
+        for _ in 0..200 {
+            let at = Vector3::new(next(), next(), next()) * 5.0;
+            points.extend((0..3).map(|_| Point3::from(at + Vector3::new(next(), next(), next()))));
+        }
+        let triangles: Vec<[u32; 3]> = (0..200).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        let corners: Vec<Corners> = triangles.iter().map(|t| t.map(|n| points[n as usize])).collect();
+        let mut pairs = 0;
+        for a in 0..200 {
+            pairs += (a + 1..200).filter(|&b| do_cross(&corners[a], &corners[b])).count();
+        }
+        assert!(pairs > 10, "{pairs}");
+        assert_eq!(self_intersections(&points, &triangles), pairs);
+    }
+}

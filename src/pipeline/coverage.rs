@@ -1,0 +1,246 @@
+//! Stage 8, second part: the solid that cells and crest wedges fill, against the mask on the
+//! working grid.
+
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use nalgebra::{Matrix3, Point3};
+
+use crate::numerics::field::floor_index;
+use crate::space::Grid;
+
+use super::depth::Depth;
+use super::mask::Solid;
+use super::model::{Coverage, DistanceSummary};
+use super::shell::Shell;
+use super::spokes::Nodes;
+
+/// Distance between the samples of the model's surfaces, voxels.
+const SAMPLE_STEP: f64 = 0.7;
+/// Distance between the balls that split the mask among figures, voxels. The split moves by less
+/// than a voxel with it, and the search is the slowest part of this stage.
+const BALL_STEP: f64 = 2.0;
+/// Distance within which the mask's surface counts as covered, voxels.
+const COVERED: f64 = 1.0;
+
+/// Coverage of the whole mask by all figures, and of each figure's share of it by that figure.
+///
+/// A voxel or skin point is the share of the figure whose inscribed balls come nearest to it
+/// (power distance): where sheets meet, the mask is split along the hinge. Of a single figure
+/// both are the same.
+#[must_use]
+pub fn coverage(solid: &Solid, depth: &Depth, figures: &[Nodes]) -> (Coverage, Vec<Coverage>) {
+    let owners = Owners::of(figures);
+    let skin: Vec<Point3<f64>> = depth.skin.iter().map(|s| s.position).collect();
+    let skin_owner: Vec<usize> = skin.iter().map(|p| owners.of_point(*p)).collect();
+    let skin_points = Nearest::new(&skin);
+    let samples: Vec<Vec<Point3<f64>>> = figures.iter().map(|nodes| surface_samples(nodes.into())).collect();
+    let (dice, dice_of) = overlaps(&solid.mask, figures, &owners);
+    let measured = |dice: f64, skin: &[Point3<f64>], samples: &[Point3<f64>]| {
+        let to_model = Nearest::new(samples).distances(skin);
+        Coverage {
+            dice,
+            covered_share: to_model.iter().filter(|d| **d <= COVERED).count() as f64 / to_model.len().max(1) as f64,
+            mask_to_model: summary(to_model, solid.voxel_mm),
+            model_to_mask: summary(skin_points.distances(samples), solid.voxel_mm),
+        }
+    };
+    let whole = measured(dice, &skin, &samples.concat());
+    if figures.len() == 1 {
+        return (whole, vec![whole]);
+    }
+    let each = samples.iter().zip(dice_of).enumerate().map(|(number, (samples, dice))| {
+        let own = skin.iter().zip(&skin_owner).filter(|(_, owner)| **owner == number);
+        let own: Vec<Point3<f64>> = own.map(|(p, _)| *p).collect();
+        measured(dice, &own, samples)
+    });
+    (whole, each.collect())
+}
+
+/// Points to be found by distance.
+struct Nearest {
+    tree: Option<ImmutableKdTree<f64, 3>>,
+}
+
+impl Nearest {
+    fn new(points: &[Point3<f64>]) -> Self {
+        let rows: Vec<[f64; 3]> = points.iter().map(|p| [p.x, p.y, p.z]).collect();
+        let tree = if rows.is_empty() { None } else { ImmutableKdTree::new_from_slice(&rows).ok() };
+        Self { tree }
+    }
+
+    /// Distance from each of `from` to the nearest point; infinite when there is none.
+    fn distances(&self, from: &[Point3<f64>]) -> Vec<f64> {
+        let Some(tree) = &self.tree else { return vec![f64::INFINITY; from.len()] };
+        let one =
+            |p: &Point3<f64>| tree.query(&[p.x, p.y, p.z]).nearest_one::<SquaredEuclidean<f64>>().execute().distance;
+        from.iter().map(|p| one(p).max(0.0).sqrt()).collect()
+    }
+}
+
+/// Which figure a point belongs to: that of the inscribed ball nearest in power distance. A ball
+/// of radius r at m is the point (m, √(r_max² − r²)) of four-space.
+struct Owners {
+    tree: Option<ImmutableKdTree<f64, 4>>,
+    figure_of: Vec<usize>,
+}
+
+impl Owners {
+    fn of(figures: &[Nodes]) -> Self {
+        let (mut balls, mut figure_of) = (Vec::new(), Vec::new());
+        if figures.len() > 1 {
+            for (number, nodes) in figures.iter().enumerate() {
+                balls.extend(balls_of(nodes));
+                figure_of.resize(balls.len(), number);
+            }
+        }
+        let largest = balls.iter().map(|b| b.1).fold(0.0, f64::max);
+        let lift = |(m, r): &(Point3<f64>, f64)| [m.x, m.y, m.z, (largest * largest - r * r).max(0.0).sqrt()];
+        let lifted: Vec<[f64; 4]> = balls.iter().map(lift).collect();
+        let tree = if lifted.is_empty() { None } else { ImmutableKdTree::new_from_slice(&lifted).ok() };
+        Self { tree, figure_of }
+    }
+
+    fn of_point(&self, p: Point3<f64>) -> usize {
+        let Some(tree) = &self.tree else { return 0 };
+        let found = tree.query(&[p.x, p.y, p.z, 0.0]).nearest_one::<SquaredEuclidean<f64>>().execute();
+        self.figure_of[found.item as usize]
+    }
+}
+
+/// Inscribed balls all over the medial quads of a figure, their radii interpolated.
+fn balls_of(nodes: &Nodes) -> Vec<(Point3<f64>, f64)> {
+    let mut balls = Vec::new();
+    for quad in Shell::from(nodes).quads() {
+        let corners = quad.nodes.map(|n| nodes.medial[n]);
+        let [a, b, c, d] = quad.nodes.map(|n| nodes.radii[n]);
+        sample_quad(corners, BALL_STEP, |p, [s, t]| {
+            let (left, right) = (a + (c - a) * t, b + (d - b) * t);
+            balls.push((p, left + (right - left) * s));
+        });
+    }
+    balls
+}
+
+fn summary(mut voxels: Vec<f64>, voxel_mm: f64) -> DistanceSummary {
+    voxels.sort_by(f64::total_cmp);
+    let Some(&largest) = voxels.last() else { return DistanceSummary::default() };
+    let rank = floor_index(0.95 * (voxels.len() - 1) as f64);
+    DistanceSummary {
+        mean_mm: voxels.iter().sum::<f64>() / voxels.len() as f64 * voxel_mm,
+        p95_mm: voxels[rank] * voxel_mm,
+        max_mm: largest * voxel_mm,
+    }
+}
+
+/// Dice of the mask with the union of all cells and wedges, and of each figure's share of the
+/// mask with its own.
+fn overlaps(mask: &Grid<bool>, figures: &[Nodes], owners: &Owners) -> (f64, Vec<f64>) {
+    let inside = mask.as_slice();
+    let mut shares = vec![0usize; figures.len()];
+    let owner_of = |offset: usize| owners.of_point(Point3::from(mask.index(offset).map(|x| x as f64)));
+    let owner: Vec<(usize, usize)> =
+        (0..inside.len()).filter(|&o| inside[o]).map(|offset| (offset, owner_of(offset))).collect();
+    let mut union = Grid::filled(mask.dims(), false);
+    let mut each = Vec::new();
+    owner.iter().for_each(|(_, figure)| shares[*figure] += 1);
+    for (number, nodes) in figures.iter().enumerate() {
+        let mut covered = Grid::filled(mask.dims(), false);
+        tetrahedra(nodes.into()).iter().for_each(|tet| fill(&mut covered, tet));
+        let filled = covered.as_slice();
+        let both = owner.iter().filter(|(offset, figure)| *figure == number && filled[*offset]).count();
+        each.push(dice(both, shares[number], count(filled)));
+        union.as_mut_slice().iter_mut().zip(filled).for_each(|(all, own)| *all |= own);
+    }
+    let both = owner.iter().filter(|(offset, _)| union.as_slice()[*offset]).count();
+    (dice(both, owner.len(), count(union.as_slice())), each)
+}
+
+fn count(filled: &[bool]) -> usize {
+    filled.iter().filter(|f| **f).count()
+}
+
+fn dice(both: usize, one: usize, other: usize) -> f64 {
+    2.0 * both as f64 / (one + other).max(1) as f64
+}
+
+type Tetrahedron = [Point3<f64>; 4];
+
+/// All cells and crest wedges, cut into tetrahedra.
+fn tetrahedra(shell: Shell<'_>) -> Vec<Tetrahedron> {
+    let mut all = Vec::new();
+    let m = shell.medial;
+    for skin in [shell.upper, shell.lower] {
+        for quad in shell.quads() {
+            let [a, b, c, d] = quad.nodes;
+            all.extend(prism([m[a], m[b], m[d]], [skin[a], skin[b], skin[d]]));
+            all.extend(prism([m[a], m[d], m[c]], [skin[a], skin[d], skin[c]]));
+        }
+        for step in shell.edge_steps() {
+            let [a, b] = step.nodes;
+            all.extend(prism([m[a], skin[a], shell.crest[step.here]], [m[b], skin[b], shell.crest[step.next]]));
+        }
+    }
+    all
+}
+
+/// Three tetrahedra between two triangles.
+fn prism([a, b, c]: [Point3<f64>; 3], [d, e, f]: [Point3<f64>; 3]) -> [Tetrahedron; 3] {
+    [[a, b, c, d], [b, c, d, e], [c, d, e, f]]
+}
+
+/// Marks the voxels whose centres lie in a tetrahedron.
+fn fill(covered: &mut Grid<bool>, [o, a, b, c]: &Tetrahedron) {
+    /// Points this much outside count as inside, so that no voxel falls between two cells.
+    const SEAM: f64 = 1e-9;
+    let Some(inverse) = Matrix3::from_columns(&[a - o, b - o, c - o]).try_inverse() else { return };
+    let dims = covered.dims();
+    let bounds: [(usize, usize); 3] = std::array::from_fn(|x| {
+        let all = [o[x], a[x], b[x], c[x]];
+        let low = all.iter().copied().fold(f64::INFINITY, f64::min).ceil().max(0.0);
+        let high = all.iter().copied().fold(f64::NEG_INFINITY, f64::max).floor().min((dims[x] - 1) as f64);
+        if high < low { (1, 0) } else { (floor_index(low), floor_index(high)) }
+    });
+    for k in bounds[2].0..=bounds[2].1 {
+        for j in bounds[1].0..=bounds[1].1 {
+            for i in bounds[0].0..=bounds[0].1 {
+                let w = inverse * (Point3::new(i as f64, j as f64, k as f64) - o);
+                if w.min() >= -SEAM && w.sum() <= 1.0 + SEAM {
+                    covered[[i, j, k]] = true;
+                }
+            }
+        }
+    }
+}
+
+/// Points spread over the outer surface of a figure: upper, lower and the crest strips.
+fn surface_samples(shell: Shell<'_>) -> Vec<Point3<f64>> {
+    let mut samples = Vec::new();
+    for skin in [shell.upper, shell.lower] {
+        for quad in shell.quads() {
+            sample_quad(quad.nodes.map(|n| skin[n]), SAMPLE_STEP, |p, _| samples.push(p));
+        }
+        for step in shell.edge_steps() {
+            let [a, b] = step.nodes;
+            let strip = [skin[a], skin[b], shell.crest[step.here], shell.crest[step.next]];
+            sample_quad(strip, SAMPLE_STEP, |p, _| samples.push(p));
+        }
+    }
+    samples
+}
+
+/// Bilinear samples, `step` apart at most, of a quad given as rows `[a b; c d]`, with their place in it: shares from a
+/// to b and from a to c.
+fn sample_quad([a, b, c, d]: [Point3<f64>; 4], step: f64, mut take: impl FnMut(Point3<f64>, [f64; 2])) {
+    /// Samples along an edge at most; a quad of 2 000 voxels is as good as any with these.
+    const MOST: usize = 400;
+    let pieces = |length: f64| floor_index((length / step).ceil()).clamp(1, MOST);
+    let across = pieces((b - a).norm().max((d - c).norm()));
+    let down = pieces((c - a).norm().max((d - b).norm()));
+    for y in 0..=down {
+        let t = y as f64 / down as f64;
+        let (left, right) = (a + (c - a) * t, b + (d - b) * t);
+        for x in 0..=across {
+            let s = x as f64 / across as f64;
+            take(left + (right - left) * s, [s, t]);
+        }
+    }
+}

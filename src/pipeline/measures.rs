@@ -1,0 +1,129 @@
+//! Stage 8, third part: how even and how well centred a lattice is.
+
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use nalgebra::{Point2, Point3, Vector3};
+
+use super::depth::Depth;
+use super::model::{Distortion, MeanAndP95};
+use super::params::LatticeSize;
+use super::shell::{Quad, Shell};
+use super::spokes::Nodes;
+
+/// Mean over lattice lines, rows and columns alike, of the coefficient of variation of their
+/// edge lengths.
+#[must_use]
+pub fn spacing_variation(size: LatticeSize, nodes: &[Point3<f64>]) -> f64 {
+    let line = |indices: Vec<usize>| {
+        let edges: Vec<f64> = indices.windows(2).map(|p| (nodes[p[1]] - nodes[p[0]]).norm()).collect();
+        let mean = edges.iter().sum::<f64>() / edges.len() as f64;
+        let variance = edges.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / edges.len() as f64;
+        variance.sqrt() / mean.max(1e-12)
+    };
+    let LatticeSize { rows, cols } = size;
+    let along: f64 = (0..rows).map(|i| line((0..cols).map(|j| i * cols + j).collect())).sum();
+    let across: f64 = (0..cols).map(|j| line((0..rows).map(|i| i * cols + j).collect())).sum();
+    (along / rows as f64 + across / cols as f64) / 2.0
+}
+
+/// How the medial quads differ between space and the intrinsic plane, `plane` being the plane
+/// coordinates of the medial nodes.
+///
+/// The area ratio of a quad is its share of the sheet's area in space over its share in the
+/// plane: 1 everywhere when areas are kept up to scale. The angle is the one between the two
+/// lattice directions at each corner of a quad. Infinite where a quad has no area; zero without
+/// quads.
+#[must_use]
+pub fn distortion(shell: Shell<'_>, plane: &[Point2<f64>]) -> Distortion {
+    let flat: Vec<Point3<f64>> = plane.iter().map(|p| Point3::new(p.x, p.y, 0.0)).collect();
+    let quads: Vec<Quad> = shell.quads().collect();
+    let areas: Vec<[f64; 2]> =
+        quads.iter().map(|q| [area(q.nodes.map(|n| shell.medial[n])), area(q.nodes.map(|n| flat[n]))]).collect();
+    let all = areas.iter().fold([0.0; 2], |sum, a| [sum[0] + a[0], sum[1] + a[1]]);
+    let mut result = Distortion::default();
+    let mut variance = 0.0;
+    for [in_space, in_plane] in areas {
+        let ratio = (in_space / all[0]) / (in_plane / all[1]);
+        // Weights are shares of the plane: their mean ratio is 1.
+        variance += in_plane / all[1] * (ratio - 1.0).powi(2);
+        result.area_max_log = worse(result.area_max_log, ratio.ln().abs());
+    }
+    result.area_sd = worse(0.0, variance.sqrt());
+    let angles: Vec<f64> = quads.iter().flat_map(|q| corner_turns(shell.medial, &flat, q)).collect();
+    result.angle_mean_deg = angles.iter().sum::<f64>() / angles.len().max(1) as f64;
+    result.angle_max_deg = angles.iter().copied().fold(0.0, worse);
+    result
+}
+
+/// The larger of the two; what is no number is infinite.
+pub(super) fn worse(a: f64, b: f64) -> f64 {
+    if b.is_nan() { f64::INFINITY } else { a.max(b) }
+}
+
+/// Area of a quad `[a b; c d]`: half the cross product of its diagonals.
+pub(super) fn area([a, b, c, d]: [Point3<f64>; 4]) -> f64 {
+    (d - a).cross(&(c - b)).norm() / 2.0
+}
+
+/// At the four corners of a quad: by how many degrees the angle between the lattice directions
+/// differs from that in the plane.
+fn corner_turns(space: &[Point3<f64>], plane: &[Point3<f64>], quad: &Quad) -> [f64; 4] {
+    let angle = |points: &[Point3<f64>], k: usize| {
+        let at = |k: usize| points[quad.nodes[k]];
+        (at(2 | (k & 1)) - at(k & 1)).angle(&(at((k & 2) | 1) - at(k & 2)))
+    };
+    [0, 1, 2, 3].map(|k| (angle(space, k) - angle(plane, k)).abs().to_degrees())
+}
+
+/// How far the medial nodes are from the middle: |a − b| / (a + b), with a and b the distances
+/// to the nearest skin on the one and on the other side of the sheet that faces away from it
+/// within 60° of its normal: a blunt rim is as near on both sides and says nothing. Zero of a perfect medial sheet, one of
+/// a node on the skin or outside. The vectors are not used: they need not be the shortest way.
+#[must_use]
+pub fn medial_offset(nodes: &Nodes, depth: &Depth) -> MeanAndP95 {
+    /// Cosine of 60°, the angle at which skin stops to be crest in the stage of the sides, too.
+    const FACING_COSINE: f64 = 0.5;
+    /// Nodes looked at; more say nothing new and cost time.
+    const MOST: usize = 2000;
+    let valid: Vec<usize> = (0..nodes.medial.len()).filter(|&n| nodes.valid[n]).collect();
+    let rows: Vec<[f64; 3]> = depth.skin.iter().map(|s| [s.position.x, s.position.y, s.position.z]).collect();
+    let Some(tree) = ImmutableKdTree::<f64, 3>::new_from_slice(&rows).ok().filter(|_| !rows.is_empty()) else {
+        return MeanAndP95::default();
+    };
+    let step = valid.len().div_ceil(MOST).max(1);
+    let mut offsets = Vec::new();
+    for &node in valid.iter().step_by(step) {
+        let at = nodes.medial[node];
+        let [up, down] = [nodes.upper[node] - at, nodes.lower[node] - at];
+        let normal = normal(nodes, node).unwrap_or(up - down);
+        // The surface nodes lie on the skin; the nearest that faces away is not much further off.
+        let reach = 2.0 * up.norm().max(down.norm()) + 2.0;
+        let near = tree.query(&[at.x, at.y, at.z]).within::<SquaredEuclidean<f64>>(reach * reach).unsorted().execute();
+        let mut sides = [f64::INFINITY; 2];
+        for found in near {
+            let skin = &depth.skin[found.item as usize];
+            let side = usize::from((skin.position - at).dot(&normal) < 0.0);
+            let facing = skin.normal.dot(&normal) / normal.norm() * [1.0, -1.0][side];
+            if facing >= FACING_COSINE {
+                sides[side] = sides[side].min(skin.distance(at));
+            }
+        }
+        if sides.iter().all(|s| s.is_finite()) {
+            offsets.push((sides[0] - sides[1]).abs() / (sides[0] + sides[1]).max(1e-12));
+        } else {
+            // No skin on one of the sides.
+            offsets.push(1.0);
+        }
+    }
+    MeanAndP95::of(offsets)
+}
+
+/// Normal of the medial lattice at a node, of any sign and length.
+fn normal(nodes: &Nodes, node: usize) -> Option<Vector3<f64>> {
+    let LatticeSize { rows, cols } = nodes.size;
+    let (i, j) = (node / cols, node % cols);
+    let at = |i: usize, j: usize| nodes.medial[i * cols + j];
+    let along_i = at((i + 1).min(rows - 1), j) - at(i.saturating_sub(1), j);
+    let along_j = at(i, (j + 1).min(cols - 1)) - at(i, j.saturating_sub(1));
+    let normal = along_i.cross(&along_j);
+    (normal.norm() > 1e-9).then_some(normal)
+}

@@ -1,0 +1,246 @@
+//! Measures of quality, and how the verdict follows from them.
+
+use medialrep::formats::thickness_json::{self, InputFacts, OuterTimings};
+use medialrep::pipeline::depth::depth;
+use medialrep::pipeline::mask::{label_boxes, solid};
+use medialrep::pipeline::measures::{distortion, medial_offset};
+use medialrep::pipeline::model::{
+    Coverage, Distortion, Figure, FigureQuality, MeanAndP95, Model, PerSurface, Repair, StructureQuality, Verdict,
+};
+use medialrep::pipeline::params::LatticeSize;
+use medialrep::pipeline::quality::{figure_quality, structure_quality};
+use medialrep::pipeline::spokes::Nodes;
+use medialrep::pipeline::summary::node_areas;
+use medialrep::pipeline::verdict::judge;
+use nalgebra::{Point2, Point3, Vector3};
+use serde_json::Value;
+
+use crate::models::{flat_slab, model};
+use crate::phantoms::{model_of, painted, params, volume};
+
+const SIZE: LatticeSize = LatticeSize { rows: 4, cols: 5 };
+
+fn figure_of(nodes: Nodes) -> Figure {
+    Figure {
+        grid: nodes.size,
+        medial: nodes.medial,
+        upper: nodes.upper,
+        lower: nodes.lower,
+        crest: nodes.crest,
+        valid: nodes.valid,
+        ..Figure::default()
+    }
+}
+
+/// Three rows, the second 1 and the third 9 from the first; vectors 1 and 3 long on the first
+/// row, 2 and 3 on the second, 4 and 3 on the third.
+fn uneven() -> Figure {
+    let size = LatticeSize { rows: 3, cols: 3 };
+    let mut figure = figure_of(flat_slab(size));
+    for n in 0..9 {
+        let row = n / 3;
+        let at = Point3::new([0.0, 1.0, 9.0][row], figure.medial[n].y, 0.0);
+        figure.medial[n] = at;
+        figure.upper[n] = at + Vector3::z() * [1.0, 2.0, 4.0][row];
+        figure.lower[n] = at - Vector3::z() * 3.0;
+    }
+    figure
+}
+
+#[test]
+fn thickness_is_weighted_by_area_not_by_nodes() {
+    let figure = uneven();
+    let areas = node_areas((&figure).into());
+    assert_eq!(areas.iter().sum::<f64>(), 9.0 * 6.0);
+    // Half a step on each side of a row: 0.5, 4.5 and 4.
+    let expected = (0.5 * 1.0 + 4.5 * 2.0 + 4.0 * 4.0) / 9.0;
+    let summary = figure.thickness_summary();
+    assert_eq!(summary.area_mm2, 54.0);
+    assert!((summary.upper_mm.mean - expected).abs() < 1e-12);
+    assert!((summary.lower_mm.mean - 3.0).abs() < 1e-12 && summary.lower_mm.sd < 1e-6);
+    assert!((summary.total_mm.mean - expected - 3.0).abs() < 1e-12);
+    let upper = summary.upper_mm;
+    assert_eq!([upper.p5, upper.p50, upper.p95], [1.0, 2.0, 4.0]);
+    let sd = ((0.5 * (1.0 - expected).powi(2) + 4.5 * (2.0 - expected).powi(2) + 4.0 * (4.0 - expected).powi(2)) / 9.0)
+        .sqrt();
+    assert!((upper.sd - sd).abs() < 1e-12);
+}
+
+#[test]
+fn a_structure_weighs_its_figures_by_area_and_leaves_invalid_nodes_out() {
+    let mut structure = model().structures.remove(0);
+    structure.figures = vec![uneven(), figure_of(flat_slab(SIZE))];
+    let [a, b] = [0, 1].map(|f: usize| structure.figures[f].thickness_summary());
+    assert_eq!((a.area_mm2, b.area_mm2), (54.0, 72.0));
+    let expected = (54.0 * a.upper_mm.mean + 72.0 * 1.5) / 126.0;
+    assert!((structure.thickness_summary().upper_mm.mean - expected).abs() < 1e-12);
+    // A corner taken out takes its quad along.
+    structure.figures.truncate(1);
+    structure.figures[0].valid[0] = false;
+    assert_eq!(structure.thickness_summary().area_mm2, 54.0 - 3.0);
+    structure.figures.clear();
+    assert!(structure.thickness_summary().upper_mm.mean.is_nan());
+}
+
+#[test]
+fn a_plane_that_is_the_sheet_has_no_distortion() {
+    let nodes = flat_slab(SIZE);
+    let none = |found: Distortion| {
+        found.area_sd < 1e-6 && found.area_max_log < 1e-9 && found.angle_max_deg < 1e-5 && found.angle_mean_deg < 1e-5
+    };
+    assert!(none(distortion((&nodes).into(), &nodes.intrinsic.medial)));
+    let scaled: Vec<_> = nodes.intrinsic.medial.iter().map(|p| p * 3.0).collect();
+    assert!(none(distortion((&nodes).into(), &scaled)), "scale is no distortion");
+}
+
+#[test]
+fn distortion_of_a_plane_is_measured() {
+    let nodes = flat_slab(LatticeSize { rows: 3, cols: 3 });
+    let sheared: Vec<_> = nodes.intrinsic.medial.iter().map(|p| Point2::new(p.x + p.y, p.y)).collect();
+    let found = distortion((&nodes).into(), &sheared);
+    assert!((found.angle_mean_deg - 45.0).abs() < 1e-9 && (found.angle_max_deg - 45.0).abs() < 1e-9);
+    assert!(found.area_sd < 1e-6);
+    // One half three times as long in the plane: its share is 3/4, in space it is 1/2.
+    let stretched: Vec<_> = nodes.intrinsic.medial.iter().map(|p| Point2::new(p.x.max(3.0 * p.x - 6.0), p.y)).collect();
+    let found = distortion((&nodes).into(), &stretched);
+    assert!((found.area_max_log - 2.0f64.ln()).abs() < 1e-9, "the ratio is 2 on the shorter half");
+    let sd = (0.25f64 * 1.0 + 0.75 * (1.0f64 / 3.0).powi(2)).sqrt();
+    assert!((found.area_sd - sd).abs() < 1e-9 && found.angle_max_deg < 1e-5);
+}
+
+/// A box of 24 × 30 × 12 voxels and a slab of nodes in it, `shift` above the middle.
+fn boxed(shift: f64) -> (StructureQuality, Vec<FigureQuality>, MeanAndP95) {
+    let inside = |[i, j, k]: [usize; 3]| (4..28).contains(&i) && (4..34).contains(&j) && (4..16).contains(&k);
+    let volume = painted([32, 38, 20], [1.0; 3], |at| u16::from(inside(at)));
+    let solid = solid(&volume, 1, label_boxes(&volume)[1].unwrap(), None, &mut Vec::new()).unwrap();
+    let depth = depth(&solid);
+    let middle = depth.skin.iter().map(|s| s.position.coords).sum::<Vector3<f64>>() / depth.skin.len() as f64;
+    let mut nodes = flat_slab(SIZE);
+    let here = nodes.medial.iter().map(|p| p.coords).sum::<Vector3<f64>>() / nodes.medial.len() as f64;
+    for list in [&mut nodes.medial, &mut nodes.upper, &mut nodes.lower, &mut nodes.crest] {
+        for p in list {
+            let from = p.coords - here;
+            *p = Point3::from(middle + Vector3::new(from.x * 11.0 / 4.0, from.y * 14.0 / 7.0, from.z * 4.0));
+        }
+    }
+    nodes.medial.iter_mut().for_each(|p| p.z += shift);
+    let offset = medial_offset(&nodes, &depth);
+    let mut qualities = vec![figure_quality(&nodes, PerSurface::default(), Repair::default())];
+    let quality = structure_quality(&solid, &depth, &[nodes], &mut qualities);
+    (quality, qualities, offset)
+}
+
+#[test]
+fn nodes_off_the_middle_are_measured_by_the_nearest_skin() {
+    let (_, _, centred) = boxed(0.0);
+    assert!(centred.p95 < 0.02, "{centred:?}");
+    // 2 of 6 off the middle: |8 − 4| / 12.
+    let (_, qualities, shifted) = boxed(2.0);
+    assert!((shifted.mean - 1.0 / 3.0).abs() < 0.05, "{shifted:?}");
+    assert_eq!(qualities[0].medial_offset, shifted);
+}
+
+#[test]
+fn a_single_figure_fits_as_the_structure_does() {
+    let (quality, qualities, _) = boxed(0.0);
+    assert_eq!(quality.coverage, qualities[0].coverage);
+    assert!(quality.coverage.dice > 0.8, "{:?}", quality.coverage);
+    assert!(quality.coverage.mask_to_model.max_mm >= quality.coverage.mask_to_model.mean_mm);
+}
+
+#[test]
+fn each_sheet_of_a_tee_is_measured_against_its_share_of_the_mask() {
+    let model = model_of(&volume("tee"), params());
+    let structure = &model.structures[0];
+    assert_eq!(structure.figures.len(), 3);
+    for figure in &structure.figures {
+        let Coverage { dice, covered_share, .. } = figure.quality.coverage;
+        assert!(dice > 0.6 && dice <= 1.0 && covered_share > 0.4, "{:?}", figure.quality.coverage);
+    }
+    check_reproducible(&written(&model)["structures"][0]["quality"]);
+}
+
+#[test]
+fn an_unrepaired_figure_had_its_folds_before() {
+    let mut nodes = flat_slab(SIZE);
+    nodes.upper[8].z = -1.0;
+    let quality = figure_quality(&nodes, PerSurface::default(), Repair::default());
+    assert_eq!(quality.repair, Repair { folds_before: quality.folds, moved_nodes: 0 });
+    let repair = Repair { folds_before: 40, moved_nodes: 3 };
+    assert_eq!(figure_quality(&nodes, PerSurface::default(), repair).repair, repair);
+}
+
+fn written(model: &Model) -> Value {
+    let mut bytes = Vec::new();
+    let input = InputFacts { sha256: String::new(), format: "nifti1" };
+    thickness_json::write(model, &input, &[], OuterTimings::default(), &mut bytes).unwrap();
+    serde_json::from_slice(&bytes).unwrap()
+}
+
+/// The verdict and the codes of the reasons again, from the thresholds alone.
+fn check_reproducible(quality: &Value) {
+    let mut reasons = Vec::new();
+    let mut worst = "pass";
+    for (code, measure) in quality["thresholds"].as_object().unwrap() {
+        let is_beyond = |limit: &Value| match (measure["value"].as_f64(), limit.as_f64()) {
+            (_, None) => false,
+            (None, Some(_)) => true,
+            (Some(value), Some(limit)) if measure["bad"] == "below" => value < limit,
+            (Some(value), Some(limit)) => value > limit,
+        };
+        let verdict = [("fail", "fail"), ("warn", "warn")].into_iter().find(|(name, _)| is_beyond(&measure[*name]));
+        if let Some((verdict, limit)) = verdict {
+            worst = if worst == "fail" { "fail" } else { verdict };
+            reasons.push((code.as_str(), measure[limit].clone()));
+        }
+    }
+    assert_eq!(quality["verdict"], worst, "{quality:#}");
+    let given: Vec<_> = quality["reasons"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|r| (r["code"].as_str().unwrap(), r["threshold"].clone()))
+        .collect();
+    assert_eq!(given, reasons);
+}
+
+/// A judged quality that is good but for what `change` does.
+fn judged(change: impl FnOnce(&mut StructureQuality)) -> StructureQuality {
+    let coverage = Coverage { dice: 0.97, covered_share: 0.95, ..Coverage::default() };
+    let mut quality = StructureQuality { coverage, ..StructureQuality::default() };
+    change(&mut quality);
+    judge(&mut quality, &[FigureQuality { valid_share: 1.0, ..FigureQuality::default() }], 1.0);
+    quality
+}
+
+#[test]
+fn the_thresholds_reproduce_the_verdict() {
+    let mut model = model();
+    type Change = fn(&mut StructureQuality);
+    let cases: [(Verdict, Change); 10] = [
+        (Verdict::Pass, |_| ()),
+        (Verdict::Fail, |q| q.folds = 1),
+        (Verdict::Fail, |q| q.folded_centres = 1),
+        (Verdict::Fail, |q| q.folded_wedges = 1),
+        (Verdict::Warn, |q| q.self_intersections = Some(2)),
+        (Verdict::Warn, |q| q.coverage.dice = 0.8),
+        (Verdict::Fail, |q| q.coverage.dice = 0.5),
+        (Verdict::Warn, |q| q.medial_offset.p95 = 0.2),
+        (Verdict::Fail, |q| q.residual_variance = f64::INFINITY),
+        (Verdict::Fail, |q| q.spacing_variation = f64::NAN),
+    ];
+    for (verdict, change) in cases {
+        let quality = judged(change);
+        assert_eq!(quality.verdict, verdict, "{:?}", quality.reasons);
+        assert_eq!(quality.reasons.is_empty(), verdict == Verdict::Pass);
+        model.structures[0].quality = quality;
+        check_reproducible(&written(&model)["structures"][0]["quality"]);
+    }
+}
+
+#[test]
+fn a_count_is_told_as_a_count() {
+    let quality = judged(|q| q.folded_wedges = 3);
+    let message = "the crest is turned over: the number of its wedges is 3, none is allowed";
+    assert_eq!(quality.reasons[0].message, message);
+}
