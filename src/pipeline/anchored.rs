@@ -10,7 +10,7 @@ use nalgebra::{Point2, Vector3};
 use super::lattice::{Lattice, Node, SpaceFromPlane};
 use super::mask::Solid;
 use super::model::PerSurface;
-use super::repair::{Repaired, Spread};
+use super::repair::{Repaired, Spread, mend_crest};
 use super::rim::WholeSheet;
 use super::sides::SheetSides;
 use super::spokes::{Nodes, crest};
@@ -40,10 +40,10 @@ pub fn anchored(solid: &Solid, sheet: &SheetSides, whole: &WholeSheet, mut latti
         // Columns run along u, rows along v: the normal of (i, j) is that of (v, u).
         hand: -hand,
     };
-    let repaired = if std::env::var("NOREP").is_ok() { Repaired::default() } else { spread.repair() };
+    let mut repaired = spread.repair();
     lattice.nodes = spread.flat.clone();
-    let crest = crest(&solid.level, &lattice, &spread.medial, &map);
-    let nodes = Nodes {
+    let crest = crest(&solid.level, &lattice, &spread.medial, &map, &sheet.hinge);
+    let mut nodes = Nodes {
         size: lattice.size,
         radii: spread.medial.iter().map(|n| n.value).collect(),
         upper: spread.ends(0),
@@ -53,6 +53,7 @@ pub fn anchored(solid: &Solid, sheet: &SheetSides, whole: &WholeSheet, mut latti
         valid: lattice.valid,
         intrinsic: PerSurface { medial: lattice.nodes.clone(), upper: lattice.nodes.clone(), lower: lattice.nodes },
     };
+    repaired.nodes += mend_crest(&mut nodes, |from, direction, reach| solid.level.first_zero(from, direction, reach));
     (nodes, repaired)
 }
 

@@ -9,7 +9,10 @@
 use nalgebra::{Point2, Point3, Vector3};
 
 use super::lattice::Node;
+use super::legality::{Illegal, legality};
+use super::model::ring;
 use super::params::LatticeSize;
+use super::spokes::Nodes;
 
 /// Rounds of turning directions.
 const TURNS: usize = 40;
@@ -168,4 +171,61 @@ impl Spread<'_> {
             }
         }
     }
+}
+
+/// Turns crest vectors that lean over their neighbours or their spokes, until no wedge is turned
+/// over; what is left after that is shortened. Returns how many were touched.
+///
+/// `reach_of` is the distance to the boundary from a place along a direction, if within a reach.
+pub fn mend_crest(
+    nodes: &mut Nodes,
+    reach_of: impl Fn(Point3<f64>, Vector3<f64>, f64) -> Option<f64>,
+) -> usize {
+    let edge = ring(nodes.size);
+    let count = edge.len();
+    let mut touched = vec![false; count];
+    for round in 0..TURNS + CUTS {
+        let bad: Vec<Illegal> = legality((&*nodes).into()).parts.into_iter().filter(|p| p.part.is_wedge()).collect();
+        if bad.is_empty() {
+            break;
+        }
+        let mut marked = vec![false; count];
+        for wedge in bad {
+            let node = wedge.i * nodes.size.cols + wedge.j;
+            let here = edge.iter().position(|&n| n == node).unwrap_or(0);
+            marked[here] = true;
+            marked[(here + 1) % count] = true;
+        }
+        let way = |k: usize| nodes.crest[k] - nodes.medial[edge[k]];
+        let unit = |v: Vector3<f64>| v.try_normalize(1e-9).unwrap_or_else(Vector3::zeros);
+        let turned: Vec<Option<Point3<f64>>> = (0..count)
+            .map(|k| {
+                if !marked[k] {
+                    return None;
+                }
+                let n = edge[k];
+                let from = nodes.medial[n];
+                // Half way between the two spokes is where a crest belongs.
+                let spokes = unit(nodes.upper[n] - from) + unit(nodes.lower[n] - from);
+                let along = unit(nodes.medial[edge[(k + 1) % count]] - nodes.medial[edge[(k + count - 1) % count]]);
+                let spokes = spokes - along * spokes.dot(&along);
+                let sum = unit(way((k + count - 1) % count)) + unit(way(k)) * 2.0 + unit(way((k + 1) % count)) + spokes;
+                let direction = unit(sum);
+                let old = way(k).norm();
+                let length = if round < TURNS {
+                    reach_of(from, direction, 2.0 * old + 2.0).unwrap_or(old)
+                } else {
+                    old * CUT
+                };
+                Some(from + direction * length)
+            })
+            .collect();
+        for (k, point) in turned.into_iter().enumerate() {
+            if let Some(point) = point {
+                nodes.crest[k] = point;
+                touched[k] = true;
+            }
+        }
+    }
+    touched.into_iter().filter(|t| *t).count()
 }

@@ -74,7 +74,7 @@ pub fn paper(solid: &Solid, sheet: &SheetSides, flat: &PerSurface<Flat>, lattice
     let (upper, lower) =
         (side(&sheet.upper, &flat.upper, &lattices.upper), side(&sheet.lower, &flat.lower, &lattices.lower));
     let valid = (0..size.rows * size.cols).map(|n| lattices.named().iter().all(|(_, l)| l.valid[n])).collect();
-    let crest = crest(&solid.level, &lattices.medial, &medial, &medial_map);
+    let crest = crest(&solid.level, &lattices.medial, &medial, &medial_map, &[]);
     Nodes {
         size,
         radii: medial.iter().map(|n| n.value).collect(),
@@ -103,22 +103,37 @@ fn onto_boundary(level: &Field, from: Point3<f64>) -> Point3<f64> {
 }
 
 /// The crest point of every node of the lattice's edge: where the sheet, carried on outward past
-/// its rim in its own plane, meets the boundary.
-pub fn crest(level: &Field, lattice: &Lattice, medial: &[Node], map: &SpaceFromPlane<'_>) -> Vec<Point3<f64>> {
+/// its rim in its own plane, meets the boundary. Where it meets other sheets instead, at a `hinge`,
+/// the crest is the rim itself.
+pub fn crest(
+    level: &Field,
+    lattice: &Lattice,
+    medial: &[Node],
+    map: &SpaceFromPlane<'_>,
+    hinge: &[Point3<f64>],
+) -> Vec<Point3<f64>> {
+    /// A rim this near to a point of a hinge lies on it, voxels: hinge points lie on both sides.
+    const AT_HINGE: f64 = 1.5;
+    /// How far a crest at a hinge lies outside of its node at the least, voxels.
+    const LEAST: f64 = 0.25;
     let edge = ring(lattice.size).into_iter().zip(&lattice.rim);
     edge.map(|(n, rim)| {
         let node = &medial[n];
         let flat = outward(lattice, n) + (rim - lattice.nodes[n]);
         let at_rim = map.node(*rim);
+        let direction = at_rim.tangents[0] * flat.x + at_rim.tangents[1] * flat.y;
+        let direction = direction.try_normalize(1e-9).unwrap_or_else(Vector3::x);
         let reach = 4.0 * node.value.max(1.0) + 4.0;
+        if hinge.iter().any(|h| (h - at_rim.position).norm() < AT_HINGE) {
+            let way = at_rim.position - node.position;
+            return node.position + if way.norm() > LEAST { way } else { direction * LEAST };
+        }
         if level.at(at_rim.position) <= 0.0 {
             // A rim that lies outside of a thin edge: the crest is on the way to it.
             let way = at_rim.position - node.position;
             let direction = way.try_normalize(1e-9).unwrap_or_else(Vector3::x);
             return node.position + direction * level.first_zero(node.position, direction, way.norm()).unwrap_or(0.0);
         }
-        let direction = at_rim.tangents[0] * flat.x + at_rim.tangents[1] * flat.y;
-        let direction = direction.try_normalize(1e-9).unwrap_or_else(Vector3::x);
         at_rim.position + direction * level.first_zero(at_rim.position, direction, reach).unwrap_or(0.0)
     })
     .collect()
