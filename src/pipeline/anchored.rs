@@ -5,8 +5,9 @@
 //! m − R∇R ± R√(1 − |∇R|²) n (Blum; Damon, *Smoothness and geometry of boundaries associated to
 //! skeletal structures*, 2003). We walk that way to the sub-voxel boundary.
 
-use nalgebra::{Point2, Vector3};
+use nalgebra::{Point2, Point3, Vector3};
 
+use super::depth::Depth;
 use super::lattice::{Lattice, Node, SpaceFromPlane};
 use super::mask::Solid;
 use super::model::PerSurface;
@@ -20,8 +21,8 @@ const MAX_SLOPE: f64 = 0.95;
 
 /// Nodes of the sheet's lattice and where their spokes end.
 #[must_use]
-pub fn anchored(solid: &Solid, sheet: &SheetSides, whole: &WholeSheet, mut lattice: Lattice) -> (Nodes, Repaired) {
-    let map = SpaceFromPlane::new(&whole.flat, &whole.positions, &whole.radii);
+pub fn anchored(solid: &Solid, depth: &Depth, sheet: &SheetSides, whole: &WholeSheet, mut lattice: Lattice) -> (Nodes, Repaired) {
+    let map = SpaceFromPlane::new(&whole.flat, &whole.positions, &whole.radii).over_holes();
     let medial: Vec<Node> = lattice.nodes.iter().map(|p| map.node(*p)).collect();
     let hand = upper_sign(&lattice, &medial, &map, sheet);
     let spokes: Vec<[Vector3<f64>; 2]> = medial.iter().map(|n| spoke_directions(n, hand)).collect();
@@ -29,6 +30,7 @@ pub fn anchored(solid: &Solid, sheet: &SheetSides, whole: &WholeSheet, mut latti
     let length = |node: &Node, direction: Vector3<f64>| length(solid, node, direction);
     let lengths = [0, 1].map(|side| (0..medial.len()).map(|n| length(&medial[n], spokes[n][side])).collect());
     let node_at = |p: Point2<f64>| map.node(p);
+    let radius_at = |p: Point3<f64>| depth.at(p);
     let mut spread = Spread {
         size: lattice.size,
         flat: std::mem::take(&mut lattice.nodes),
@@ -36,6 +38,7 @@ pub fn anchored(solid: &Solid, sheet: &SheetSides, whole: &WholeSheet, mut latti
         directions,
         lengths,
         node_at: &node_at,
+        radius_at: &radius_at,
         length: &length,
         // Columns run along u, rows along v: the normal of (i, j) is that of (v, u).
         hand: -hand,

@@ -26,6 +26,8 @@ pub const RIM_INSET: f64 = 0.01;
 /// How far from its nearest point a fit may be read, voxels. The rim of a sheet lies up to one
 /// voxel beyond its outermost points.
 const OVERREACH: f64 = 2.0;
+/// Radius of a fit in a hole, in radii of the hole: points all around must count.
+const HOLE_RADII: f64 = 2.0;
 /// Rounds of sliding at most; 20 bring the spacing below 1 % of its mean on ellipses.
 const SLIDE_ROUNDS: usize = 30;
 /// Largest movement, as a share of the lattice, at which sliding ends.
@@ -164,6 +166,7 @@ pub struct SpaceFromPlane<'a> {
     origin: Point2<f64>,
     cells: [usize; 2],
     members: Vec<Vec<u32>>,
+    overreach: f64,
 }
 
 /// A node brought back to space.
@@ -186,13 +189,20 @@ impl<'a> SpaceFromPlane<'a> {
         let low = flat.iter().fold(Vector2::repeat(f64::INFINITY), |a, p| a.inf(&p.coords));
         let high = flat.iter().fold(Vector2::repeat(f64::NEG_INFINITY), |a, p| a.sup(&p.coords));
         let cells = [0, 1].map(|a| floor_index((high - low)[a] / FIT_RADIUS) + 1);
-        let mut map =
-            Self { flat, positions, values, origin: low.into(), cells, members: vec![Vec::new(); cells[0] * cells[1]] };
+        let members = vec![Vec::new(); cells[0] * cells[1]];
+        let mut map = Self { flat, positions, values, origin: low.into(), cells, members, overreach: OVERREACH };
         for (k, p) in flat.iter().enumerate() {
             let [i, j] = map.cell(*p);
             map.members[i + cells[0] * j].push(id(k));
         }
         map
+    }
+
+    /// The map of points that reach up to the rim: a place far from all of them lies in a hole, and is
+    /// read from what is around it.
+    #[must_use]
+    pub fn over_holes(self) -> Self {
+        Self { overreach: f64::INFINITY, ..self }
     }
 
     fn cell(&self, p: Point2<f64>) -> [usize; 2] {
@@ -214,8 +224,8 @@ impl<'a> SpaceFromPlane<'a> {
     #[must_use]
     pub fn node(&self, p: Point2<f64>) -> Node {
         let (nearest, gap) = self.nearest(p);
-        let at = if gap <= OVERREACH { p } else { self.flat[nearest] };
-        let mut radius = FIT_RADIUS;
+        let (at, gap) = if gap <= self.overreach { (p, gap) } else { (self.flat[nearest], 0.0) };
+        let mut radius = FIT_RADIUS.max(HOLE_RADII * gap);
         // Twice doubled, a radius reaches 20 voxels: with fewer than six points there, there is no sheet.
         for _ in 0..3 {
             if let Some(fit) = self.fit(at, radius) {

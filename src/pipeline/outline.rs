@@ -42,6 +42,8 @@ pub struct Region {
     pub(super) level: Field,
     /// Distance to the nearest point, pixels.
     gap: Field,
+    /// How far outside of the outline a point still counts as on it, in units of the level.
+    slack: f64,
     /// Area of holes that were filled, as a share of the region.
     pub hole_share: f64,
 }
@@ -72,7 +74,7 @@ impl Region {
         gaussian(&mut level, [OUTLINE_SIGMA / PITCH, OUTLINE_SIGMA / PITCH, 0.0]);
         level.as_mut_slice().iter_mut().for_each(|v| *v -= 0.5);
         near.as_mut_slice().iter_mut().for_each(|d| *d = d.sqrt());
-        Self { origin, level: Field(level), gap: Field(near), hole_share }
+        Self { origin, level: Field(level), gap: Field(near), slack: 0.0, hole_share }
     }
 
     /// The same region with another outline, counter-clockwise, no further than a few voxels away.
@@ -119,7 +121,7 @@ impl Region {
                 level.0.as_mut_slice()[i + nx * j] = value;
             }
         }
-        Self { level, ..self.clone() }
+        Self { level, slack: 1.0, ..self.clone() }
     }
 
     /// Whether a point lies on the sheet: inside the outline, or as near to a point of the sheet as
@@ -130,7 +132,7 @@ impl Region {
         let dims = self.level.0.dims();
         let fits = at.iter().zip(dims).all(|(x, n)| *x >= 0.0 && *x <= (n - 1) as f64);
         let at = Point3::new(at.x, at.y, 0.0);
-        fits && (self.level.at(at) >= 0.0 || self.gap.at(at) <= CLOSING / PITCH)
+        fits && (self.level.at(at) >= -self.slack || self.gap.at(at) <= CLOSING / PITCH)
     }
 
     /// Unit directions of the longest and the shortest extent, from the second moments of the

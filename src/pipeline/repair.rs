@@ -16,10 +16,13 @@ use super::spokes::Nodes;
 
 /// Rounds of turning directions.
 const TURNS: usize = 40;
-/// Rounds in which nodes are moved too.
-const MOVES: usize = 30;
+/// Rounds in which nodes are moved along the sheet too.
+const SLIDES: usize = 10;
+/// Rounds in which nodes are moved off the sheet too: over a hole, or where it is no surface.
+const LIFTS: usize = 40;
 /// Rounds in which vectors are shortened too.
 const CUTS: usize = 20;
+const CUTS_FROM: usize = TURNS + SLIDES + LIFTS;
 /// What a vector is shortened by in a round.
 const CUT: f64 = 0.85;
 /// Least Jacobian of a legal corner, as a share of the volume its edges would span at right angles.
@@ -39,6 +42,8 @@ pub struct Spread<'a> {
     pub lengths: [Vec<f64>; 2],
     /// Node of a place in the plane.
     pub node_at: &'a dyn Fn(Point2<f64>) -> Node,
+    /// Radius at a place.
+    pub radius_at: &'a dyn Fn(Point3<f64>) -> f64,
     /// Length of a spoke from a node along a direction.
     pub length: &'a dyn Fn(&Node, Vector3<f64>) -> f64,
     /// +1 when the upper spokes and (i, j) make a right-handed frame, else −1.
@@ -123,7 +128,7 @@ impl Spread<'_> {
         let mut done = Repaired::default();
         let mut touched = vec![false; self.medial.len()];
         let mut cut = vec![false; self.medial.len()];
-        for round in 0..TURNS + MOVES + CUTS {
+        for round in 0..CUTS_FROM + CUTS {
             let (count, marked) = self.look();
             if round == 0 {
                 done.before = count;
@@ -131,8 +136,8 @@ impl Spread<'_> {
             if count == 0 {
                 break;
             }
-            if round >= TURNS {
-                self.move_nodes(&marked);
+            if (TURNS..CUTS_FROM).contains(&round) {
+                self.move_nodes(&marked, round < TURNS + SLIDES);
             }
             for side in 0..2 {
                 let old = self.directions[side].clone();
@@ -140,32 +145,73 @@ impl Spread<'_> {
                     let sum = old[n] + self.around(n, true).map(|m| old[m]).sum::<Vector3<f64>>();
                     self.directions[side][n] = sum.try_normalize(1e-9).unwrap_or(old[n]);
                     touched[n] = true;
-                    let length = (self.length)(&self.medial[n], self.directions[side][n]);
-                    self.lengths[side][n] = if round < TURNS + MOVES {
-                        length
+                    if round < CUTS_FROM {
+                        self.lengths[side][n] = (self.length)(&self.medial[n], self.directions[side][n]);
                     } else {
+                        self.lengths[side][n] *= CUT;
                         cut[n] = true;
-                        self.lengths[side][n] * CUT
-                    };
+                    }
                 }
             }
         }
+        self.lengthen(&cut);
         done.nodes = touched.iter().filter(|t| **t).count();
         done.shortened = cut.iter().filter(|t| **t).count();
         done
     }
 
-    /// Moves the nodes of folded quads between their neighbours.
-    fn move_nodes(&mut self, marked: &[[bool; 3]]) {
-        let old = self.flat.clone();
+    /// Gives shortened vectors back what they can have.
+    fn lengthen(&mut self, cut: &[bool]) {
+        /// Halvings of what was cut.
+        const HALVINGS: usize = 6;
+        for n in (0..cut.len()).filter(|&n| cut[n]) {
+            for side in 0..2 {
+                let whole = (self.length)(&self.medial[n], self.directions[side][n]);
+                let (mut low, mut high) = (self.lengths[side][n], whole);
+                self.lengths[side][n] = whole;
+                for _ in 0..HALVINGS {
+                    if self.is_legal_around(side, n) {
+                        low = self.lengths[side][n];
+                    } else {
+                        high = self.lengths[side][n];
+                    }
+                    if low >= high {
+                        break;
+                    }
+                    self.lengths[side][n] = (low + high) / 2.0;
+                }
+                self.lengths[side][n] = low;
+            }
+        }
+    }
+
+    /// Whether the cells around a node are legal on a side.
+    fn is_legal_around(&self, side: usize, n: usize) -> bool {
+        let LatticeSize { rows, cols } = self.size;
+        let (i, j) = (n / cols, n % cols);
+        let rows = i.saturating_sub(1)..=i.min(rows - 2);
+        rows.flat_map(|a| (j.saturating_sub(1)..=j.min(cols - 2)).map(move |b| (a, b)))
+            .all(|(a, b)| self.illegal(side, a, b) == [0, 0])
+    }
+
+    /// Moves the nodes of folded quads between their neighbours: in the plane and back onto the
+    /// sheet, or in space.
+    fn move_nodes(&mut self, marked: &[[bool; 3]], on_sheet: bool) {
+        let old = (self.flat.clone(), self.medial.clone());
         for n in (0..marked.len()).filter(|&n| marked[n][2]) {
-            let (mut sum, mut count) = (old[n].coords, 1.0);
+            let (mut flat, mut place, mut count) = (old.0[n].coords, old.1[n].position.coords, 1.0);
             for m in self.around(n, false) {
-                sum += old[m].coords;
+                flat += old.0[m].coords;
+                place += old.1[m].position.coords;
                 count += 1.0;
             }
-            self.flat[n] = Point2::from(sum / count);
-            self.medial[n] = (self.node_at)(self.flat[n]);
+            self.flat[n] = Point2::from(flat / count);
+            if on_sheet {
+                self.medial[n] = (self.node_at)(self.flat[n]);
+            } else {
+                self.medial[n].position = Point3::from(place / count);
+                self.medial[n].value = (self.radius_at)(self.medial[n].position);
+            }
             for side in 0..2 {
                 self.lengths[side][n] = (self.length)(&self.medial[n], self.directions[side][n]);
             }

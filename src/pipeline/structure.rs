@@ -274,7 +274,7 @@ impl Work<'_> {
                 (whole, lattice)
             })?;
             let lattice = lattice.ok_or(Refusal::TooSmall { points: sheet.medial.positions.len(), needed: MIN_SHEET_POINTS })?;
-            let (nodes, repaired) = self.stage(timings, Stage::Spokes, || anchored(solid, sheet, &whole, lattice))?;
+            let (nodes, repaired) = self.stage(timings, Stage::Spokes, || anchored(solid, depth, sheet, &whole, lattice))?;
             if std::env::var("DBG").is_ok() { eprintln!("{repaired:?}"); }
             let repair = Repair { folds_before: repaired.before, moved_nodes: repaired.nodes };
             return Ok(Draft { nodes, flat, frame, automatic, repair });
