@@ -25,7 +25,8 @@ pub fn anchored(solid: &Solid, depth: &Depth, sheet: &SheetSides, whole: &WholeS
     let map = SpaceFromPlane::new(&whole.flat, &whole.positions, &whole.radii).over_holes();
     let medial: Vec<Node> = lattice.nodes.iter().map(|p| map.node(*p)).collect();
     let hand = upper_sign(&lattice, &medial, &map, sheet);
-    let spokes: Vec<[Vector3<f64>; 2]> = medial.iter().map(|n| spoke_directions(n, hand)).collect();
+    let spokes: Vec<[Vector3<f64>; 2]> =
+        medial.iter().map(|n| spoke_directions(n, hand).map(|d| aimed(solid, depth, n, d))).collect();
     let directions = [0, 1].map(|side| spokes.iter().map(|s| s[side]).collect::<Vec<_>>());
     let length = |node: &Node, direction: Vector3<f64>| length(solid, node, direction);
     let lengths = [0, 1].map(|side| (0..medial.len()).map(|n| length(&medial[n], spokes[n][side])).collect());
@@ -83,9 +84,25 @@ fn spoke_directions(node: &Node, sign: f64) -> [Vector3<f64>; 2] {
     [normal * height - gradient, -normal * height - gradient]
 }
 
+/// A spoke's direction, or that of the foot itself when the spoke passes it by: at a concave edge, which
+/// a spoke a few degrees off misses.
+fn aimed(solid: &Solid, depth: &Depth, node: &Node, direction: Vector3<f64>) -> Vector3<f64> {
+    /// Length in radii, and what is added in voxels, above which a spoke has missed its foot.
+    const MISSED: (f64, f64) = (1.3, 1.0);
+    /// Cosine between the spoke and the foot at the least: 60°.
+    const SAME_SIDE: f64 = 0.5;
+    if length(solid, node, direction) <= MISSED.0 * node.value + MISSED.1 {
+        return direction;
+    }
+    let ways = depth.skin.iter().map(|s| s.position - node.position);
+    let ahead = ways.filter(|w| w.dot(&direction) > SAME_SIDE * w.norm());
+    let foot = ahead.min_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()));
+    foot.and_then(|f| f.try_normalize(1e-9)).unwrap_or(direction)
+}
+
 /// Length of a spoke to the sub-voxel boundary, voxels.
 fn length(solid: &Solid, node: &Node, direction: Vector3<f64>) -> f64 {
     let reach = 3.0 * node.value.max(1.0) + 4.0;
-    solid.level.first_zero(node.position, direction, reach).unwrap_or(node.value)
+    solid.level.first_zero(node.position, direction, reach).unwrap_or(reach)
 }
 

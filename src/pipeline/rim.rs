@@ -7,7 +7,7 @@
 
 use std::f64::consts::PI;
 
-use nalgebra::{Point2, Point3, Vector2, Vector3};
+use nalgebra::{Matrix3, Point2, Point3, SymmetricEigen, Vector2, Vector3};
 
 use super::depth::Depth;
 use super::lattice::{Node, SpaceFromPlane};
@@ -134,6 +134,10 @@ impl Walk {
     fn to_hinge(node: &Node, outward: Vector2<f64>, hinge: &[Point3<f64>], depth: &Depth) -> Option<Self> {
         /// How far to the side of the way points of the hinge still count, voxels.
         const ASIDE: f64 = 2.5;
+        /// Cosine between the way and the hinge above which the way leads along it: 30°.
+        const ALONG: f64 = 0.85;
+        /// Radius in which the direction of the hinge is taken, voxels.
+        const LOCAL: f64 = 6.0;
         let direction = ahead_of(node, outward);
         let (mut sum, mut count) = (Vector3::zeros(), 0.0);
         for h in hinge {
@@ -143,6 +147,13 @@ impl Walk {
                 sum += v;
                 count += 1.0;
             }
+        }
+        let mean = sum / f64::max(count, 1.0);
+        let near = hinge.iter().map(|h| h - node.position - mean).filter(|v| v.norm() < LOCAL);
+        let spread: Matrix3<f64> = near.map(|v| v * v.transpose()).sum();
+        let eigen = SymmetricEigen::new(spread);
+        if eigen.eigenvectors.column(eigen.eigenvalues.imax()).dot(&direction).abs() > ALONG {
+            return None;
         }
         let way = sum / f64::max(count, 1.0);
         let length = way.dot(&direction);
