@@ -23,14 +23,9 @@ const OVERHANG: f64 = 0.5;
 /// Standard deviation of the outline's smoothing, voxels: the rim of a voxel sheet is jagged by
 /// half a voxel.
 const OUTLINE_SIGMA: f64 = 1.0;
-/// Width over length of the outline beyond, at the stations of the corners. A disc has
-/// sin 45° / (π/4) = 0.9 there.
-const CORNER_RATIO: f64 = 0.9;
 /// Length of the outline at an end at the least, as a share of the mean width: pointed ends would
 /// squeeze all rows into a point.
 const LEAST_END: f64 = 0.4;
-/// Stations that are tried between an end and the middle.
-const END_STEPS: usize = 200;
 /// Free pixels around the points.
 const PADDING: usize = 12;
 
@@ -150,6 +145,10 @@ impl Region {
 
     /// The region as the image of the square, with the short sides across its two ends. `None` for
     /// an empty region.
+    ///
+    /// Corners are the places farthest out along the diagonals of the rectangle that has the region's
+    /// second moments, along and across its bent axis: those of a rectangle are its corners, an
+    /// ellipse has them where both axes have the same share.
     #[must_use]
     pub fn patch(&self) -> Option<Patch> {
         let outline = self.outline();
@@ -157,8 +156,7 @@ impl Region {
             return None;
         }
         let axis = Axis::of(self);
-        let [from, to] = [1.0, -1.0].map(|end| axis.end(&outline, end));
-        let corners = [to[1], from[0], from[1], to[0]];
+        let corners = axis.corners(self, &outline);
         let side = |k: usize| Arc::between(&outline, corners[k], corners[(k + 1) % 4]);
         let sides = [side(0), side(1), side(2), side(3)];
         Some(Patch::harmonic(self, &sides))
@@ -302,52 +300,90 @@ impl Axis {
         u
     }
 
-    /// The two corners at an end (+1 or −1) of a region: the places, before and after the tip, where
-    /// the outline passes the station across which the width is [`CORNER_RATIO`] of the outline
-    /// beyond. That is 45° to either side of the tip of a disc and just behind the corners of a
-    /// rectangle. Both lengths change little with the outline, so corners do not jump.
-    fn end(&self, outline: &[Point2<f64>], end: f64) -> [(usize, f64); 2] {
-        let count = outline.len();
-        let stations: Vec<f64> = outline.iter().map(|p| end * self.station(p)).collect();
-        let tip = (0..count).max_by(|&a, &b| stations[a].total_cmp(&stations[b])).unwrap_or(0);
-        let place = |(k, t): (usize, f64)| outline[k] + (outline[(k + 1) % count] - outline[k]) * t;
-        let length = |from: usize, to: usize| {
-            let mut sum = 0.0;
-            let mut k = from;
-            while k != to {
-                let next = (k + 1) % count;
-                sum += (outline[next] - outline[k]).norm();
-                k = next;
-            }
-            sum
-        };
-        // Where the outline falls below a station, going each way from the tip.
-        let crossing = |station: f64, forward: bool| {
-            let mut k = tip;
-            for _ in 0..count {
-                let next = if forward { (k + 1) % count } else { (k + count - 1) % count };
-                if stations[next] < station {
-                    let t = (stations[k] - station) / (stations[k] - stations[next]).max(1e-12);
-                    return if forward { (k, t) } else { (next, 1.0 - t) };
-                }
-                k = next;
-            }
-            (tip, 0.0)
-        };
-        let lowest = stations.iter().copied().fold(f64::INFINITY, f64::min);
-        let half = (stations[tip] - lowest) / 2.0;
-        let mut corners = [(tip, 0.0); 2];
-        for step in 1..=END_STEPS {
-            let station = stations[tip] - half * step as f64 / END_STEPS as f64;
-            corners = [crossing(station, false), crossing(station, true)];
-            let (a, b) = (place(corners[0]), place(corners[1]));
-            let after = outline[(corners[0].0 + 1) % count];
-            let beyond = (after - a).norm() + length((corners[0].0 + 1) % count, corners[1].0) + (b - outline[corners[1].0]).norm();
-            if (b - a).norm() < CORNER_RATIO * beyond && beyond > LEAST_END * self.width {
-                break;
+    /// Along the axis and to its left, voxels.
+    fn straightened(&self, p: &Point2<f64>) -> Vector2<f64> {
+        let u = self.station(p);
+        let [c0, c1, c2] = self.coefficients.into();
+        let p = p - self.centre;
+        let slope = c1 + 2.0 * c2 * u;
+        let across = (p - Vector2::new(u, c0 + c1 * u + c2 * u * u)).dot(&Vector2::new(-slope, 1.0));
+        Vector2::new(u, across / slope.hypot(1.0))
+    }
+
+    /// Corners counter-clockwise from the one that is first along and right of the axis; a place is
+    /// an edge of the outline and a share of it.
+    fn corners(&self, region: &Region, outline: &[Point2<f64>]) -> [(usize, f64); 4] {
+        let grid = &region.level.0;
+        let (mut count, mut sum, mut second) = (0.0f64, Vector2::zeros(), Vector2::zeros());
+        for o in (0..grid.as_slice().len()).filter(|&o| grid.as_slice()[o] > 0.0) {
+            let [i, j, _] = grid.index(o);
+            let at = self.straightened(&(region.origin + Vector2::new(i as f64, j as f64) * PITCH));
+            count += 1.0;
+            sum += at;
+            second += at.component_mul(&at);
+        }
+        let mean = sum / count.max(1.0);
+        let half = (second / count.max(1.0) - mean.component_mul(&mean)).map(|v| (3.0 * v.max(PITCH * PITCH)).sqrt());
+        let scaled: Vec<Vector2<f64>> =
+            outline.iter().map(|p| (self.straightened(p) - mean).component_div(&half)).collect();
+        let lengths = Lengths::of(outline);
+        let mut at = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| {
+            lengths.of_farthest(&scaled.iter().map(|p| p.x * x + p.y * y).collect::<Vec<f64>>())
+        });
+        // An end that is a point takes in some of the outline on both sides.
+        for (from, to) in [(1, 2), (3, 0)] {
+            let missing = (LEAST_END * self.width - lengths.between(at[from], at[to])).max(0.0);
+            at[from] = (at[from] - missing / 2.0).rem_euclid(lengths.total());
+            at[to] = (at[to] + missing / 2.0).rem_euclid(lengths.total());
+        }
+        at.map(|length| lengths.place(length))
+    }
+}
+
+/// Lengths along a closed outline from its first point.
+struct Lengths(Vec<f64>);
+
+impl Lengths {
+    fn of(outline: &[Point2<f64>]) -> Self {
+        let mut reached = vec![0.0];
+        for k in 0..outline.len() {
+            reached.push(reached[k] + (outline[(k + 1) % outline.len()] - outline[k]).norm());
+        }
+        Self(reached)
+    }
+
+    fn total(&self) -> f64 {
+        self.0[self.0.len() - 1]
+    }
+
+    /// Length counter-clockwise from one place to another; an end that is turned over has none.
+    fn between(&self, from: f64, to: f64) -> f64 {
+        let length = (to - from).rem_euclid(self.total());
+        if length > self.total() / 2.0 { length - self.total() } else { length }
+    }
+
+    /// Where a value is largest: the mean of the places near the largest, weighted by how near they
+    /// come, so that noise does not move it along a flat maximum.
+    fn of_farthest(&self, values: &[f64]) -> f64 {
+        /// Difference to the largest value at which a place counts 1/e.
+        const SOFT: f64 = 0.02;
+        let best = (0..values.len()).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0);
+        let (mut sum, mut total) = (0.0, 0.0);
+        for (k, value) in values.iter().enumerate() {
+            let offset = self.between(self.0[best], self.0[k]);
+            if offset.abs() < self.total() / 8.0 {
+                let weight = ((value - values[best]) / SOFT).exp() * (self.0[k + 1] - self.0[k]);
+                sum += weight * offset;
+                total += weight;
             }
         }
-        corners
+        (self.0[best] + sum / total.max(1e-300)).rem_euclid(self.total())
+    }
+
+    /// The edge at a length, and the share of it.
+    fn place(&self, length: f64) -> (usize, f64) {
+        let k = self.0.partition_point(|l| *l <= length).clamp(1, self.0.len() - 1) - 1;
+        (k, (length - self.0[k]) / (self.0[k + 1] - self.0[k]).max(1e-12))
     }
 }
 
