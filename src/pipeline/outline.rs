@@ -324,11 +324,12 @@ impl Axis {
         }
         let mean = sum / count.max(1.0);
         let half = (second / count.max(1.0) - mean.component_mul(&mean)).map(|v| (3.0 * v.max(PITCH * PITCH)).sqrt());
-        let scaled: Vec<Vector2<f64>> =
-            outline.iter().map(|p| (self.straightened(p) - mean).component_div(&half)).collect();
-        let lengths = Lengths::of(outline);
+        let scaled: Vec<Point2<f64>> =
+            outline.iter().map(|p| (self.straightened(p) - mean).component_div(&half).into()).collect();
+        let (lengths, scaled_lengths) = (Lengths::of(outline), Lengths::of(&scaled));
         let mut at = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| {
-            lengths.of_farthest(&scaled.iter().map(|p| p.x * x + p.y * y).collect::<Vec<f64>>())
+            let values: Vec<f64> = scaled.iter().map(|p| p.x * x + p.y * y).collect();
+            lengths.at(scaled_lengths.place(scaled_lengths.of_farthest(&values)))
         });
         // An end that is a point takes in some of the outline on both sides.
         for (from, to) in [(1, 2), (3, 0)] {
@@ -366,7 +367,7 @@ impl Lengths {
     /// come, so that noise does not move it along a flat maximum.
     fn of_farthest(&self, values: &[f64]) -> f64 {
         /// Difference to the largest value at which a place counts 1/e.
-        const SOFT: f64 = 0.02;
+        const SOFT: f64 = 0.1;
         let best = (0..values.len()).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0);
         let (mut sum, mut total) = (0.0, 0.0);
         for (k, value) in values.iter().enumerate() {
@@ -378,6 +379,11 @@ impl Lengths {
             }
         }
         (self.0[best] + sum / total.max(1e-300)).rem_euclid(self.total())
+    }
+
+    /// The length at a share of an edge.
+    fn at(&self, (k, share): (usize, f64)) -> f64 {
+        self.0[k] + (self.0[k + 1] - self.0[k]) * share
     }
 
     /// The edge at a length, and the share of it.
