@@ -172,6 +172,9 @@ impl Walk {
         let mut walk = Self { from: node.position, direction, radius: node.value, ahead, length: 0.0 };
         let mut before = walk.gap(depth);
         while before > TOUCHING && walk.length < START + REACH {
+            if before < 2.0 * TOUCHING && walk.is_past_rim(depth) {
+                break;
+            }
             walk.length += STEP;
             let next = walk.gap(depth);
             if next <= TOUCHING {
@@ -186,6 +189,15 @@ impl Walk {
     /// Distance to the boundary straight ahead less that to the nearest part of it, at the end.
     fn gap(&self, depth: &Depth) -> f64 {
         self.ahead - self.length - depth.at(self.from + self.direction * self.length)
+    }
+
+    /// Whether the boundary comes nearer as fast as one walks: beyond the rim of a round end, where the
+    /// staircase around keeps the gap from closing.
+    fn is_past_rim(&self, depth: &Depth) -> bool {
+        /// Length over which that is looked at, voxels, and the share of it that counts as all.
+        const WINDOW: (f64, f64) = (1.0, 0.8);
+        let depth_at = |walked: f64| depth.at(self.from + self.direction * walked);
+        depth_at(self.length) - depth_at(self.length + WINDOW.0) > WINDOW.0 * WINDOW.1
     }
 
     /// Radius on the way: that of the rim is what is left ahead of it. The depth itself is too
