@@ -26,6 +26,11 @@ pub const RIM_INSET: f64 = 0.01;
 /// How far from its nearest point a fit may be read, voxels. The rim of a sheet lies up to one
 /// voxel beyond its outermost points.
 const OVERREACH: f64 = 2.0;
+/// Radius of the fit of the slope of the values, in values: the radius of a medial sheet changes over
+/// lengths of the radius itself, and what changes faster is the staircase.
+const SLOPE_RADII: f64 = 1.5;
+/// The same at most, voxels.
+const MAX_SLOPE_RADIUS: f64 = 12.0;
 /// Radius of a fit in a hole, in radii of the hole: points all around must count.
 const HOLE_RADII: f64 = 2.0;
 /// Rounds of sliding at most; 20 bring the spacing below 1 % of its mean on ellipses.
@@ -229,7 +234,12 @@ impl<'a> SpaceFromPlane<'a> {
         // Twice doubled, a radius reaches 20 voxels: with fewer than six points there, there is no sheet.
         for _ in 0..3 {
             if let Some(fit) = self.fit(at, radius) {
-                return as_node(&fit);
+                let mut node = as_node(&fit);
+                let wide = (SLOPE_RADII * node.value).min(MAX_SLOPE_RADIUS);
+                if wide > radius && let Some(fit) = self.fit(at, wide) {
+                    node.slopes = [fit.du[3], fit.dv[3]];
+                }
+                return node;
             }
             radius *= 2.0;
         }

@@ -26,7 +26,7 @@ const REACH: f64 = 3.0;
 /// Distance of the places along the outline that are looked at, voxels.
 const PITCH: f64 = 1.0;
 /// Standard deviation of the smoothing along the outline, voxels.
-const SIGMA: f64 = 2.0;
+const SIGMA: f64 = 3.0;
 
 /// A sheet in its plane, carried on to its rim. Lengths are voxels.
 pub struct WholeSheet {
