@@ -10,11 +10,11 @@ use nalgebra::{Point2, Point3, Vector3};
 use super::depth::Depth;
 use super::lattice::{Lattice, Node, SpaceFromPlane};
 use super::mask::Solid;
-use super::model::PerSurface;
+use super::model::{PerSurface, ring};
 use super::repair::{Repaired, Spread, mend_crest};
 use super::rim::WholeSheet;
 use super::sides::SheetSides;
-use super::spokes::{Nodes, crest};
+use super::spokes::{Ahead, Nodes, crest, look_ahead};
 
 /// Slope of the radius at most: at 1 both spokes lie in the sheet.
 const MAX_SLOPE: f64 = 0.95;
@@ -25,8 +25,12 @@ pub fn anchored(solid: &Solid, depth: &Depth, sheet: &SheetSides, whole: &WholeS
     let map = SpaceFromPlane::new(&whole.flat, &whole.positions, &whole.radii).over_holes();
     let medial: Vec<Node> = lattice.nodes.iter().map(|p| map.node(*p)).collect();
     let hand = upper_sign(&lattice, &medial, &map, sheet);
-    let spokes: Vec<[Vector3<f64>; 2]> =
+    let mut spokes: Vec<[Vector3<f64>; 2]> =
         medial.iter().map(|n| spoke_directions(n, hand).map(|d| aimed(solid, depth, n, d))).collect();
+    let ahead = look_ahead(&lattice, &map, &sheet.hinge);
+    for (n, ahead) in ring(lattice.size).into_iter().zip(&ahead).filter(|(_, a)| !a.is_hinge) {
+        spokes[n] = spokes[n].map(|direction| fanned(&medial[n], direction, ahead));
+    }
     let directions = [0, 1].map(|side| spokes.iter().map(|s| s[side]).collect::<Vec<_>>());
     let length = |node: &Node, direction: Vector3<f64>| length(solid, node, direction);
     let lengths = [0, 1].map(|side| (0..medial.len()).map(|n| length(&medial[n], spokes[n][side])).collect());
@@ -46,7 +50,7 @@ pub fn anchored(solid: &Solid, depth: &Depth, sheet: &SheetSides, whole: &WholeS
     };
     let mut repaired = spread.repair();
     lattice.nodes = spread.flat.clone();
-    let crest = crest(&solid.level, &lattice, &spread.medial, &map, &sheet.hinge);
+    let crest = crest(&solid.level, lattice.size, &spread.medial, &look_ahead(&lattice, &map, &sheet.hinge));
     let mut nodes = Nodes {
         size: lattice.size,
         radii: spread.medial.iter().map(|n| n.value).collect(),
@@ -82,6 +86,24 @@ fn spoke_directions(node: &Node, sign: f64) -> [Vector3<f64>; 2] {
     let gradient = gradient * (slope.min(MAX_SLOPE) / slope.max(1e-9));
     let height = (1.0 - gradient.norm_squared()).sqrt();
     [normal * height - gradient, -normal * height - gradient]
+}
+
+/// The direction of an edge node's spoke, turned towards the crest where the sheet ends abruptly. At a
+/// round end the spokes of the rim fan out from one side to the other; a node near it stands for
+/// them, and takes the one half way to the crest. Further from the rim it keeps its own.
+fn fanned(node: &Node, direction: Vector3<f64>, ahead: &Ahead) -> Vector3<f64> {
+    /// Distances to the rim, in radii, up to which a node stands for the fan, and from which on it
+    /// does not.
+    const NEAR: f64 = 0.25;
+    const FAR: f64 = 0.75;
+    let far = ((ahead.rim - node.position).norm() / node.value.max(1e-6) - NEAR) / (FAR - NEAR);
+    let widest = std::f64::consts::FRAC_PI_4 * (1.0 + far.clamp(0.0, 1.0));
+    let angle = direction.angle(&ahead.outward);
+    let across = (direction - ahead.outward * direction.dot(&ahead.outward)).try_normalize(1e-9);
+    match across {
+        Some(across) if angle > widest => ahead.outward * widest.cos() + across * widest.sin(),
+        _ => direction,
+    }
 }
 
 /// A spoke's direction, or that of the foot itself when the spoke passes it by: at a concave edge, which
