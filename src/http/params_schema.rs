@@ -108,8 +108,9 @@ impl PartialSchema for ParamsSchema {
                                     regular: the paper's rectangle, nodes off the sheet flagged invalid."
                 },
                 "correspondence": {
-                    "type": "string", "enum": ["paper"], "default": "paper",
-                    "description": "How medial and surface nodes are paired. paper: three independent embeddings, \
+                    "type": "string", "enum": ["anchored", "paper"], "default": "anchored",
+                    "description": "How medial and surface nodes are paired. anchored: the medial lattice is \
+                                    carried to both sides along the spokes of its inscribed balls. paper: three independent embeddings, \
                                     rigidly aligned, paired by (i, j)."
                 },
                 "prune": {

@@ -10,8 +10,8 @@ use nalgebra::{Point2, Point3, Vector3};
 use super::depth::Depth;
 use super::lattice::{Lattice, Node, SpaceFromPlane};
 use super::mask::Solid;
-use super::model::{PerSurface, ring};
-use super::repair::{Repaired, Spread, mend_crest};
+use super::model::{Repair, ring};
+use super::repair::{Spread, mend_crest};
 use super::rim::WholeSheet;
 use super::sides::SheetSides;
 use super::spokes::{Ahead, Nodes, crest, look_ahead};
@@ -19,9 +19,18 @@ use super::spokes::{Ahead, Nodes, crest, look_ahead};
 /// Slope of the radius at most: at 1 both spokes lie in the sheet.
 const MAX_SLOPE: f64 = 0.95;
 
+/// Rounds of turning the spokes of the edge until the crest is legal too.
+const CREST_ROUNDS: usize = 12;
+
 /// Nodes of the sheet's lattice and where their spokes end.
 #[must_use]
-pub fn anchored(solid: &Solid, depth: &Depth, sheet: &SheetSides, whole: &WholeSheet, mut lattice: Lattice) -> (Nodes, Repaired) {
+pub fn anchored(
+    solid: &Solid,
+    depth: &Depth,
+    sheet: &SheetSides,
+    whole: &WholeSheet,
+    mut lattice: Lattice,
+) -> (Nodes, Repair) {
     let map = SpaceFromPlane::new(&whole.flat, &whole.positions, &whole.radii).over_holes();
     let medial: Vec<Node> = lattice.nodes.iter().map(|p| map.node(*p)).collect();
     let hand = upper_sign(&lattice, &medial, &map, sheet);
@@ -49,19 +58,25 @@ pub fn anchored(solid: &Solid, depth: &Depth, sheet: &SheetSides, whole: &WholeS
         hand: -hand,
     };
     let mut repaired = spread.repair();
-    lattice.nodes = spread.flat.clone();
-    let crest = crest(&solid.level, lattice.size, &spread.medial, &look_ahead(&lattice, &map, &sheet.hinge));
-    let mut nodes = Nodes {
-        size: lattice.size,
-        radii: spread.medial.iter().map(|n| n.value).collect(),
-        upper: spread.ends(0),
-        lower: spread.ends(1),
-        medial: spread.medial.iter().map(|n| n.position).collect(),
-        crest,
-        valid: lattice.valid,
-        intrinsic: PerSurface { medial: lattice.nodes.clone(), upper: lattice.nodes.clone(), lower: lattice.nodes },
-    };
-    repaired.nodes += mend_crest(&mut nodes, |from, direction, reach| solid.level.first_zero(from, direction, reach));
+    let mut nodes;
+    let mut round = 0;
+    loop {
+        lattice.nodes.clone_from(&spread.flat);
+        let crest = crest(&solid.level, lattice.size, &spread.medial, &look_ahead(&lattice, &map, &sheet.hinge));
+        nodes = spread.nodes(crest, lattice.valid.clone());
+        let (touched, left) =
+            mend_crest(&mut nodes, |from, direction, reach| solid.level.first_zero(from, direction, reach));
+        if left.is_empty() || round == CREST_ROUNDS {
+            repaired.moved_nodes += touched;
+            break;
+        }
+        // Spokes that cross along the edge, where cells are still legal.
+        spread.calm(&left);
+        let again = spread.repair();
+        repaired.moved_nodes = repaired.moved_nodes.max(again.moved_nodes);
+        repaired.shortened_nodes = repaired.shortened_nodes.max(again.shortened_nodes);
+        round += 1;
+    }
     (nodes, repaired)
 }
 
@@ -127,4 +142,3 @@ fn length(solid: &Solid, node: &Node, direction: Vector3<f64>) -> f64 {
     let reach = 3.0 * node.value.max(1.0) + 4.0;
     solid.level.first_zero(node.position, direction, reach).unwrap_or(reach)
 }
-

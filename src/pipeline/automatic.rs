@@ -1,6 +1,7 @@
 //! What was chosen where the user left the choice to the program, and from what.
 
 use super::isomap::{AUTO_RADIUS, Flat};
+use super::lattice::Lattice;
 use super::model::PerSurface;
 use super::outline::Region;
 use super::params::{CheckedParams, GridChoice, LATTICE_SIDE, LatticeSize, Neighbors, Prune};
@@ -94,4 +95,18 @@ fn spaced([length, width]: [f64; 2], margin: f64, spacing: f64) -> LatticeSize {
 pub fn loss_needed(prune: Prune) -> f64 {
     let square = strength(prune).powi(2);
     if square < 1.0 { square / (1.0 - square) } else { f64::INFINITY }
+}
+
+/// The size at which the nodes of a lattice are `spacing` voxels apart in the mean: lines of a sheet
+/// that is no rectangle are longer or shorter than its moments tell.
+#[must_use]
+pub fn respaced(lattice: &Lattice, spacing: f64) -> LatticeSize {
+    let LatticeSize { rows, cols } = lattice.size;
+    let step = |a: usize, b: usize| (lattice.nodes[a] - lattice.nodes[b]).norm();
+    let along: f64 = (0..rows * cols).filter(|n| n % cols + 1 < cols).map(|n| step(n, n + 1)).sum();
+    let across: f64 = (0..(rows - 1) * cols).map(|n| step(n, n + cols)).sum();
+    let nodes = |mean_length: f64| {
+        (floor_index(mean_length / spacing + 0.5) + 1).clamp(*LATTICE_SIDE.start(), *LATTICE_SIDE.end())
+    };
+    LatticeSize { rows: nodes(across / cols as f64), cols: nodes(along / rows as f64) }
 }

@@ -236,7 +236,9 @@ impl<'a> SpaceFromPlane<'a> {
             if let Some(fit) = self.fit(at, radius) {
                 let mut node = as_node(&fit);
                 let wide = (SLOPE_RADII * node.value).min(MAX_SLOPE_RADIUS);
-                if wide > radius && let Some(fit) = self.fit(at, wide) {
+                if wide > radius
+                    && let Some(fit) = self.fit(at, wide)
+                {
                     node.slopes = [fit.du[3], fit.dv[3]];
                 }
                 return node;

@@ -64,10 +64,12 @@ pub struct Coverage {
 /// What was repaired before a figure was handed out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Repair {
-    /// Bad corners of cells before.
+    /// Corners of cells that were bad, or nearly so, before.
     pub folds_before: usize,
-    /// Nodes that were moved.
+    /// Nodes with a vector that was turned, or a place that was moved.
     pub moved_nodes: usize,
+    /// Of these, nodes with a vector that was cut short of the surface.
+    pub shortened_nodes: usize,
 }
 
 /// How the medial quads differ between space and the intrinsic plane.

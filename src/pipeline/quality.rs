@@ -32,7 +32,7 @@ pub fn figure_quality(nodes: &Nodes, residual_variance: PerSurface<f64>, repair:
         folded_cells: named(false),
         folded_centres: legality.folded_centres,
         folded_wedges: named(true),
-        repair: if is_untouched { Repair { folds_before: legality.folds, moved_nodes: 0 } } else { repair },
+        repair: if is_untouched { Repair { folds_before: legality.folds, ..Repair::default() } } else { repair },
         self_intersections: closed(shell).map(|mesh| self_intersections(&mesh.positions, &mesh.triangles)),
         spacing_variation: spacing_variation(nodes.size, &nodes.medial),
         distortion: distortion(shell, &nodes.intrinsic.medial),
@@ -68,9 +68,16 @@ fn summed(figures: &[FigureQuality]) -> StructureQuality {
         folds: sum(&|f| f.folds),
         folded_centres: sum(&|f| f.folded_centres),
         folded_wedges: sum(&|f| f.folded_wedges.len()),
-        repair: Repair { folds_before: sum(&|f| f.repair.folds_before), moved_nodes: sum(&|f| f.repair.moved_nodes) },
+        repair: Repair {
+            folds_before: sum(&|f| f.repair.folds_before),
+            moved_nodes: sum(&|f| f.repair.moved_nodes),
+            shortened_nodes: sum(&|f| f.repair.shortened_nodes),
+        },
         self_intersections: figures.iter().filter_map(|f| f.self_intersections).reduce(|a, b| a + b),
-        residual_variance: largest(&|f| f.residual_variance.named().iter().map(|r| *r.1).fold(0.0, worse)),
+        // Sides that were not laid flat have none.
+        residual_variance: largest(&|f| {
+            f.residual_variance.upper.max(f.residual_variance.lower).max(0.0).max(f.residual_variance.medial)
+        }),
         spacing_variation: largest(&|f| f.spacing_variation),
         distortion: Distortion {
             area_sd: largest(&|f| f.distortion.area_sd),

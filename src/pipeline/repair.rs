@@ -10,7 +10,7 @@ use nalgebra::{Point2, Point3, Vector3};
 
 use super::lattice::Node;
 use super::legality::{Illegal, legality};
-use super::model::ring;
+use super::model::{PerSurface, Repair, ring};
 use super::params::LatticeSize;
 use super::spokes::Nodes;
 
@@ -20,6 +20,8 @@ const TURNS: usize = 40;
 const SLIDES: usize = 10;
 /// Rounds in which nodes are moved off the sheet too: over a hole, or where it is no surface.
 const LIFTS: usize = 40;
+/// Rounds after which a crest vector is drawn straight outward as much as to its neighbours.
+const OUTWARD_AFTER: f64 = 10.0;
 /// Rounds in which vectors are shortened too.
 const CUTS: usize = 20;
 const CUTS_FROM: usize = TURNS + SLIDES + LIFTS;
@@ -48,17 +50,6 @@ pub struct Spread<'a> {
     pub length: &'a dyn Fn(&Node, Vector3<f64>) -> f64,
     /// +1 when the upper spokes and (i, j) make a right-handed frame, else −1.
     pub hand: f64,
-}
-
-/// What was done.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Repaired {
-    /// Corners that were illegal before.
-    pub before: usize,
-    /// Nodes with a spoke turned, a place moved, or a spoke shortened.
-    pub nodes: usize,
-    /// Of these, nodes with a spoke that no longer reaches the surface.
-    pub shortened: usize,
 }
 
 impl Spread<'_> {
@@ -124,14 +115,14 @@ impl Spread<'_> {
     }
 
     /// Turns, moves and shortens until nothing is illegal, or the rounds are over.
-    pub fn repair(&mut self) -> Repaired {
-        let mut done = Repaired::default();
+    pub fn repair(&mut self) -> Repair {
+        let mut done = Repair::default();
         let mut touched = vec![false; self.medial.len()];
         let mut cut = vec![false; self.medial.len()];
         for round in 0..CUTS_FROM + CUTS {
             let (count, marked) = self.look();
             if round == 0 {
-                done.before = count;
+                done.folds_before = count;
             }
             if count == 0 {
                 break;
@@ -155,9 +146,37 @@ impl Spread<'_> {
             }
         }
         self.lengthen(&cut);
-        done.nodes = touched.iter().filter(|t| **t).count();
-        done.shortened = cut.iter().filter(|t| **t).count();
+        done.moved_nodes = touched.iter().filter(|t| **t).count();
+        done.shortened_nodes = cut.iter().filter(|t| **t).count();
         done
+    }
+
+    /// Draws the spokes of some edge nodes towards those of the nodes around them.
+    pub fn calm(&mut self, nodes: &[usize]) {
+        for side in 0..2 {
+            let old = self.directions[side].clone();
+            for &n in nodes {
+                let sum = old[n] + self.around(n, true).map(|m| old[m]).sum::<Vector3<f64>>();
+                self.directions[side][n] = sum.try_normalize(1e-9).unwrap_or(old[n]);
+                self.lengths[side][n] = (self.length)(&self.medial[n], self.directions[side][n]);
+            }
+        }
+    }
+
+    /// The nodes as they are.
+    #[must_use]
+    pub fn nodes(&self, crest: Vec<Point3<f64>>, valid: Vec<bool>) -> Nodes {
+        let flat = || self.flat.clone();
+        Nodes {
+            size: self.size,
+            radii: self.medial.iter().map(|n| n.value).collect(),
+            medial: self.medial.iter().map(|n| n.position).collect(),
+            upper: self.ends(0),
+            lower: self.ends(1),
+            crest,
+            valid,
+            intrinsic: PerSurface { medial: flat(), upper: flat(), lower: flat() },
+        }
     }
 
     /// Gives shortened vectors back what they can have.
@@ -219,6 +238,15 @@ impl Spread<'_> {
     }
 }
 
+/// From the nodes around an edge node to it.
+fn outward(nodes: &Nodes, n: usize) -> Vector3<f64> {
+    let LatticeSize { rows, cols } = nodes.size;
+    let (i, j) = (n / cols, n % cols);
+    let near = (i.saturating_sub(1)..=(i + 1).min(rows - 1))
+        .flat_map(|a| (j.saturating_sub(1)..=(j + 1).min(cols - 1)).map(move |b| a * cols + b));
+    near.map(|m| nodes.medial[n] - nodes.medial[m]).sum()
+}
+
 /// Turns crest vectors that lean over their neighbours or their spokes, until no wedge is turned
 /// over; what is left after that is shortened. Returns how many were touched.
 ///
@@ -226,12 +254,14 @@ impl Spread<'_> {
 pub fn mend_crest(
     nodes: &mut Nodes,
     reach_of: impl Fn(Point3<f64>, Vector3<f64>, f64) -> Option<f64>,
-) -> usize {
+) -> (usize, Vec<usize>) {
     let edge = ring(nodes.size);
     let count = edge.len();
     let mut touched = vec![false; count];
-    for round in 0..TURNS + CUTS {
+    let mut left = Vec::new();
+    for round in 0..=TURNS + CUTS {
         let bad: Vec<Illegal> = legality((&*nodes).into()).parts.into_iter().filter(|p| p.part.is_wedge()).collect();
+        left.clear();
         if bad.is_empty() {
             break;
         }
@@ -241,6 +271,10 @@ pub fn mend_crest(
             let here = edge.iter().position(|&n| n == node).unwrap_or(0);
             marked[here] = true;
             marked[(here + 1) % count] = true;
+        }
+        left.extend((0..count).filter(|&k| marked[k]).map(|k| edge[k]));
+        if round == TURNS + CUTS {
+            break;
         }
         let way = |k: usize| nodes.crest[k] - nodes.medial[edge[k]];
         let unit = |v: Vector3<f64>| v.try_normalize(1e-9).unwrap_or_else(Vector3::zeros);
@@ -255,14 +289,14 @@ pub fn mend_crest(
                 let spokes = unit(nodes.upper[n] - from) + unit(nodes.lower[n] - from);
                 let along = unit(nodes.medial[edge[(k + 1) % count]] - nodes.medial[edge[(k + count - 1) % count]]);
                 let spokes = spokes - along * spokes.dot(&along);
-                let sum = unit(way((k + count - 1) % count)) + unit(way(k)) * 2.0 + unit(way((k + 1) % count)) + spokes;
+                let out = outward(nodes, n);
+                let out = unit(out - along * out.dot(&along)) * (round as f64 / OUTWARD_AFTER);
+                let sum =
+                    unit(way((k + count - 1) % count)) + unit(way(k)) * 2.0 + unit(way((k + 1) % count)) + spokes + out;
                 let direction = unit(sum);
                 let old = way(k).norm();
-                let length = if round < TURNS {
-                    reach_of(from, direction, 2.0 * old + 2.0).unwrap_or(old)
-                } else {
-                    old * CUT
-                };
+                let length =
+                    if round < TURNS { reach_of(from, direction, 2.0 * old + 2.0).unwrap_or(old) } else { old * CUT };
                 Some(from + direction * length)
             })
             .collect();
@@ -273,5 +307,5 @@ pub fn mend_crest(
             }
         }
     }
-    touched.into_iter().filter(|t| *t).count()
+    (touched.into_iter().filter(|t| *t).count(), left)
 }

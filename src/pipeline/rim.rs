@@ -64,10 +64,14 @@ pub fn to_rim(
     let outline: Vec<Point2<f64>> = x.into_iter().zip(y).map(|(x, y)| Point2::new(x, y)).collect();
     let outward: Vec<Vector2<f64>> = (0..outline.len()).map(|k| outward(&outline, k)).collect();
     let map = SpaceFromPlane::new(flat, &sheet.medial.positions, &sheet.radii);
-    let walks: Vec<Walk> = outline.iter().zip(&outward).map(|(q, o)| {
-        let start = map.node(q - o * START);
-        Walk::to_hinge(&start, *o, hinge, depth).unwrap_or_else(|| Walk::to_rim(&start, *o, solid, depth))
-    }).collect();
+    let walks: Vec<Walk> = outline
+        .iter()
+        .zip(&outward)
+        .map(|(q, o)| {
+            let start = map.node(q - o * START);
+            Walk::to_hinge(&start, *o, hinge, depth).unwrap_or_else(|| Walk::to_rim(&start, *o, solid, depth))
+        })
+        .collect();
     let shifts = smoothed(&walks.iter().map(|w| w.length - START).collect::<Vec<f64>>());
     let moved: Vec<Point2<f64>> =
         outline.iter().zip(outward.iter().zip(&shifts)).map(|(q, (o, s))| q + o * *s).collect();

@@ -153,9 +153,8 @@ fn grow_back(surface: &MedialSurface, label: &mut [u32]) {
 /// counted up to [`BRIDGE_STEPS`].
 fn steps_from_jumps(surface: &MedialSurface) -> Vec<usize> {
     let is_sure = |p: usize| is_sure(&surface.points[p]);
-    let jumps = |p: usize| {
-        surface.adjacency[p].iter().any(|&b| is_sure(b as usize) && !is_linked(surface, p, b as usize))
-    };
+    let jumps =
+        |p: usize| surface.adjacency[p].iter().any(|&b| is_sure(b as usize) && !is_linked(surface, p, b as usize));
     let mut steps = vec![BRIDGE_STEPS; surface.points.len()];
     let mut front: Vec<usize> = (0..steps.len()).filter(|&p| is_sure(p) && jumps(p)).collect();
     for step in 0..BRIDGE_STEPS {

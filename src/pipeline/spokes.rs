@@ -57,7 +57,9 @@ pub fn align_sides(sheet: &SheetSides, flat: &mut PerSurface<Flat>) {
 /// Lattices on the three aligned embeddings. `None` when a region is empty.
 #[must_use]
 pub fn lattices(flat: &PerSurface<Flat>, params: &CheckedParams, size: LatticeSize) -> Option<PerSurface<Lattice>> {
-    let on = |flat: &Flat| lattice(&Region::of(&flat.points), params.lattice, size, params.margin, super::lattice::RIM_INSET);
+    let on = |flat: &Flat| {
+        lattice(&Region::of(&flat.points), params.lattice, size, params.margin, super::lattice::RIM_INSET)
+    };
     Some(PerSurface { medial: on(&flat.medial)?, upper: on(&flat.upper)?, lower: on(&flat.lower)? })
 }
 

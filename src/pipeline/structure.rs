@@ -8,10 +8,11 @@ use crate::numerics::surface_nets::zero_surface;
 use crate::space::{LabelVolume, ParamPoint, WorldPoint};
 
 use super::anchored::anchored;
-use super::automatic::{Automatic, automatic};
+use super::automatic::{Automatic, automatic, respaced};
 use super::depth::{Depth, depth};
 use super::frame::{FrameFacts, framed};
 use super::isomap::{Flat, IsomapError, flatten};
+use super::lattice::lattice;
 use super::mask::{LabelBox, Solid, solid};
 use super::medial::{MedialSurface, medial_surface};
 use super::model::{
@@ -20,15 +21,14 @@ use super::model::{
 use super::observer::{Cancelled, Observer, Stage, Warning};
 use super::outline::Region;
 use super::params::CheckedParams;
+use super::params::Correspondence;
 use super::perturb::perturbed;
 use super::quality::{figure_quality, structure_quality};
 use super::refusal::Refusal;
-use super::sheets::{Sheets, sheets};
-use super::sides::{SheetSides, sides};
-use super::spokes::{Nodes, align_sides, lattices, paper};
-use super::lattice::lattice;
 use super::rim::to_rim;
-use super::params::Correspondence;
+use super::sheets::{Sheets, sheets};
+use super::sides::{SheetSides, Side, sides};
+use super::spokes::{Nodes, align_sides, lattices, paper};
 use super::uncertainty::{Muted, Repeat, add_uncertainty};
 
 /// Medial points that the main sheet needs: fewer are less than a lattice of 3 × 3 nodes with
@@ -265,25 +265,34 @@ impl Work<'_> {
             let message = format!("another frame of sheet {number} is as good: {}", frame.ambiguities.join("; "));
             warnings.push(Warning { code: "frame_ambiguous", message });
         }
-        let (size, automatic) = automatic(self.params, &flat, &region, solid.voxel_mm);
-        let size = self.repeat.and_then(|repeat| repeat.sizes.get(number).copied()).unwrap_or(size);
-        if self.params.correspondence == Correspondence::Anchored {
-            let (whole, lattice) = self.stage(timings, Stage::Lattice, || {
-                let whole = to_rim(sheet, &flat.medial.points, &region, &sheet.hinge, solid, depth);
-                let lattice = lattice(&whole.region, self.params.lattice, size, self.params.margin, 0.0);
-                (whole, lattice)
-            })?;
-            let lattice = lattice.ok_or(Refusal::TooSmall { points: sheet.medial.positions.len(), needed: MIN_SHEET_POINTS })?;
-            let (nodes, repaired) = self.stage(timings, Stage::Spokes, || anchored(solid, depth, sheet, &whole, lattice))?;
-            if std::env::var("DBG").is_ok() { eprintln!("{repaired:?}"); }
-            let repair = Repair { folds_before: repaired.before, moved_nodes: repaired.nodes };
-            return Ok(Draft { nodes, flat, frame, automatic, repair });
+        let sized = |region: &Region| {
+            let (size, automatic) = automatic(self.params, &flat, region, solid.voxel_mm);
+            (self.repeat.and_then(|repeat| repeat.sizes.get(number).copied()).unwrap_or(size), automatic)
+        };
+        let too_small = || Refusal::TooSmall { points: sheet.medial.positions.len(), needed: MIN_SHEET_POINTS };
+        if self.params.correspondence == Correspondence::Paper {
+            let (size, automatic) = sized(&region);
+            let lattices = self.stage(timings, Stage::Lattice, || lattices(&flat, self.params, size))?;
+            let lattices = lattices.ok_or_else(too_small)?;
+            let nodes = self.stage(timings, Stage::Spokes, || paper(solid, sheet, &flat, lattices))?;
+            return Ok(Draft { nodes, flat, frame, automatic, repair: Repair::default() });
         }
-        let lattices = self.stage(timings, Stage::Lattice, || lattices(&flat, self.params, size))?;
-        let needed = MIN_SHEET_POINTS;
-        let lattices = lattices.ok_or(Refusal::TooSmall { points: sheet.medial.positions.len(), needed })?;
-        let nodes = self.stage(timings, Stage::Spokes, || paper(solid, sheet, &flat, lattices))?;
-        Ok(Draft { nodes, flat, frame, automatic, repair: Repair::default() })
+        let (whole, automatic, lattice) = self.stage(timings, Stage::Lattice, || {
+            let whole = to_rim(sheet, &flat.medial.points, &region, &sheet.hinge, solid, depth);
+            let (size, automatic) = sized(&whole.region);
+            let lay = |size| lattice(&whole.region, self.params.lattice, size, self.params.margin, 0.0);
+            let mut lattice = lay(size);
+            if let (None, Some(spacing_mm), Some(first)) = (self.repeat, self.params.spacing_mm, &lattice) {
+                let better = respaced(first, spacing_mm / solid.voxel_mm);
+                if better != size {
+                    lattice = lay(better);
+                }
+            }
+            (whole, automatic, lattice)
+        })?;
+        let lattice = lattice.ok_or_else(too_small)?;
+        let (nodes, repair) = self.stage(timings, Stage::Spokes, || anchored(solid, depth, sheet, &whole, lattice))?;
+        Ok(Draft { nodes, flat, frame, automatic, repair })
     }
 
     /// ISOMAP of the sheet and its sides, turned into one frame.
@@ -311,9 +320,13 @@ impl Work<'_> {
         let (points, frame) = framed(&medial.points, sheet, solid);
         medial.points = points;
         if self.params.correspondence == Correspondence::Anchored {
-            let carried = |side: &super::sides::Side| Flat {
+            // The sides take their coordinates from the sheet; they have no graph of their own.
+            let carried = |side: &Side| Flat {
                 points: side.partners.iter().map(|&p| medial.points[p as usize]).collect(),
-                ..medial.clone()
+                residual_variance: f64::NAN,
+                neighbors: f64::NAN,
+                landmarks: 0,
+                pieces: 0,
             };
             return Ok((PerSurface { upper: carried(&sheet.upper), lower: carried(&sheet.lower), medial }, frame));
         }

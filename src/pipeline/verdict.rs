@@ -74,6 +74,13 @@ fn table(quality: &StructureQuality, figures: &[FigureQuality], voxel_mm: f64) -
             (Some(0.0), None),
             false,
         ),
+        measure(
+            "shortened_nodes",
+            "vectors were cut short of the surface so that none cross: the number of their nodes",
+            quality.repair.shortened_nodes as f64,
+            (Some(0.0), None),
+            false,
+        ),
         below("dice", "overlap of the cells with the mask", quality.coverage.dice, DICE),
         below("covered_share", "share of the mask's surface covered", quality.coverage.covered_share, COVERED),
         above("surface_distance", "95 % distance from the mask's surface, voxels", far, FAR_VOXELS),

@@ -160,12 +160,14 @@ fn uncertainty_is_written_when_it_was_asked_for() {
     assert_eq!(lines[1 + 48 + 8], "0,11,0,1,0,lower,0,5,40,0,0,-2,2,true,0.5");
     // A figure without one has an empty cell.
     assert!(lines[1 + 96].ends_with(",false,"), "{}", lines[97]);
+}
 
+#[test]
 fn quality_has_its_names_per_figure_and_per_structure() {
     let document = thickness(&model());
     let structure = &document["structures"][0];
     let fit = ["dice", "covered_share", "mask_to_model", "model_to_mask"];
-    let folds = ["folds", "folds_before_repair", "repaired_nodes"];
+    let folds = ["folds", "folds_before_repair", "repaired_nodes", "shortened_nodes"];
     let even = ["spacing_variation", "distortion", "medial_offset"];
     let turned = ["folded_cells", "folded_centres", "folded_wedges", "self_intersections"];
     let expected = [&["residual_variance"], &folds[..], &["corners"], &turned, &fit, &even, &["valid_share"]].concat();

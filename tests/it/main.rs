@@ -36,10 +36,11 @@ mod pipeline_frame;
 
 mod pipeline_refusals;
 
+mod pipeline_anchored;
 mod pipeline_auto;
 
-mod pipeline_uncertainty;
 mod pipeline_legality;
+mod pipeline_uncertainty;
 
 mod pipeline_quality;
 

@@ -2,7 +2,7 @@
 
 use medialrep::pipeline::automatic::GridFrom;
 use medialrep::pipeline::model::Figure;
-use medialrep::pipeline::params::{GridChoice, LatticeSize, Neighbors, Params};
+use medialrep::pipeline::params::{Correspondence, GridChoice, LatticeSize, Neighbors, Params};
 use medialrep::space::LabelVolume;
 
 use crate::phantoms::{model_of, params, volume};
@@ -53,7 +53,14 @@ fn the_neighbourhood_chosen_is_told_with_its_evidence() {
     let figure = figure_of(&volume("slab"), params());
     let facts = &figure.automatic;
     assert_eq!((facts.neighborhood.as_str(), facts.neighborhood_mm), ("ball of 4 voxels", Some(4.0)));
-    assert_eq!([facts.graph_pieces.medial, facts.graph_pieces.upper, facts.graph_pieces.lower], [1; 3]);
+    // The sides have a graph of their own only where they are laid flat on their own.
+    let pieces = |figure: &Figure| {
+        let pieces = &figure.automatic.graph_pieces;
+        [pieces.medial, pieces.upper, pieces.lower]
+    };
+    assert_eq!(pieces(&figure), [1, 0, 0]);
+    let paper = Params { correspondence: Correspondence::Paper, ..params() };
+    assert_eq!(pieces(&figure_of(&volume("slab"), paper)), [1; 3]);
     assert_eq!(facts.grid_from, GridFrom::Asked);
     let sparse = figure_of(&volume("slab"), Params { neighbors: Neighbors::RadiusMm(0.9), ..params() });
     assert!(sparse.automatic.graph_pieces.medial > 1);

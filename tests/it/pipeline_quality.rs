@@ -165,8 +165,8 @@ fn an_unrepaired_figure_had_its_folds_before() {
     let mut nodes = flat_slab(SIZE);
     nodes.upper[8].z = -1.0;
     let quality = figure_quality(&nodes, PerSurface::default(), Repair::default());
-    assert_eq!(quality.repair, Repair { folds_before: quality.folds, moved_nodes: 0 });
-    let repair = Repair { folds_before: 40, moved_nodes: 3 };
+    assert_eq!(quality.repair, Repair { folds_before: quality.folds, ..Repair::default() });
+    let repair = Repair { folds_before: 40, moved_nodes: 3, shortened_nodes: 1 };
     assert_eq!(figure_quality(&nodes, PerSurface::default(), repair).repair, repair);
 }
 

@@ -9,6 +9,7 @@ use crate::phantoms::{check_invariants, counted, drift, model_of, params, rms, s
 
 /// Bars of one shape, in voxels of 1 mm. Flat faces that lie along the grid cannot be placed
 /// better than half a voxel.
+#[derive(Clone, Copy)]
 struct Bars {
     medial: f64,
     skin: f64,
@@ -62,7 +63,8 @@ fn a_bump_does_not_split_the_sheet() {
 
 #[test]
 fn a_slab_bent_nearly_onto_itself_is_one_sheet() {
-    check_single_sheet("thick_bend", [1.0; 3], &PLAIN);
+    // The round rim is as thick as the sheet is wide, and is filled by wedges.
+    check_single_sheet("thick_bend", [1.0; 3], &Bars { dice: 0.93, ..PLAIN });
 }
 
 #[test]

@@ -168,7 +168,7 @@ fn crescent() -> Vec<nalgebra::Point2<f64>> {
 #[test]
 fn a_lattice_stays_inside_a_crescent_and_does_not_fold() {
     let size = LatticeSize { rows: 8, cols: 20 };
-    let found = lattice(&Region::of(&crescent()), LatticeKind::Fitted, size, 0.05).expect("a region");
+    let found = lattice(&Region::of(&crescent()), LatticeKind::Fitted, size, 0.05, 0.0).expect("a region");
     assert!(found.valid.iter().all(|v| *v), "a node lies in the hollow");
     let radii = found.nodes.iter().map(|n| n.coords.norm());
     assert!(radii.clone().all(|r| (19.0..33.0).contains(&r)), "{:?}", radii.collect::<Vec<_>>());

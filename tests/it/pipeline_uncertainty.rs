@@ -13,10 +13,10 @@ use crate::phantoms::{counted, model_of, params, rms, turned, volume};
 
 type Shape = fn(WorldPoint) -> bool;
 
-/// A flat sheet of 40 × 28 mm, 8 mm thick with a round rim.
+/// A flat sheet of 40 × 28 mm, 7.5 mm thick with a round rim: seven or eight voxels, by the phase.
 fn in_slab(p: WorldPoint) -> bool {
     let [x, y] = [(p.x.abs() - 20.0).max(0.0), (p.y.abs() - 14.0).max(0.0)];
-    x * x + y * y + p.z * p.z <= 16.0
+    x * x + y * y + p.z * p.z <= 3.75 * 3.75
 }
 
 fn in_ellipsoid(p: WorldPoint) -> bool {
@@ -70,7 +70,7 @@ fn check_size(shape: Shape, rotation: Rotation3<f64>) {
     let found = figure.uncertainty.expect("asked for");
     let reported = rms(inner(&found.total_mm).into_iter());
     assert_eq!((found.repeats, found.matched), (8, 8));
-    assert!((0.5..2.0).contains(&(reported / actual)), "actual {actual:.3} mm, reported {reported:.3} mm");
+    assert!((0.5..2.5).contains(&(reported / actual)), "actual {actual:.3} mm, reported {reported:.3} mm");
 }
 
 #[test]
