@@ -105,13 +105,10 @@ impl Spread<'_> {
     /// Nodes around a node, itself not included.
     fn around(&self, n: usize, diagonals: bool) -> impl Iterator<Item = usize> + '_ {
         let LatticeSize { rows, cols } = self.size;
-        let (i, j) = ((n / cols) as isize, (n % cols) as isize);
-        let steps = (-1..=1).flat_map(|a| (-1..=1).map(move |b| (a, b)));
-        steps
-            .filter(move |&(a, b)| (a, b) != (0, 0) && (diagonals || a == 0 || b == 0))
-            .map(move |(a, b)| (i + a, j + b))
-            .filter(move |&(a, b)| a >= 0 && b >= 0 && a < rows as isize && b < cols as isize)
-            .map(move |(a, b)| (a * cols as isize + b) as usize)
+        let (i, j) = (n / cols, n % cols);
+        let near = (i.saturating_sub(1)..=(i + 1).min(rows - 1))
+            .flat_map(move |a| (j.saturating_sub(1)..=(j + 1).min(cols - 1)).map(move |b| (a, b)));
+        near.filter(move |&(a, b)| (a, b) != (i, j) && (diagonals || a == i || b == j)).map(move |(a, b)| a * cols + b)
     }
 
     /// Turns, moves and shortens until nothing is illegal, or the rounds are over.

@@ -5,9 +5,9 @@
 //! we walk outward along the sheet by the gap between the distance straight ahead and the radius,
 //! until there is none.
 
-use std::f64::consts::PI;
-
 use nalgebra::{Matrix3, Point2, Point3, SymmetricEigen, Vector2, Vector3};
+
+use crate::numerics::field::floor_index;
 
 use super::depth::Depth;
 use super::lattice::{Node, SpaceFromPlane};
@@ -93,7 +93,7 @@ pub fn to_rim(
 fn evenly(curve: &[Point2<f64>]) -> Vec<Point2<f64>> {
     let edge = |k: usize| (curve[k], curve[(k + 1) % curve.len()]);
     let length: f64 = (0..curve.len()).map(|k| (edge(k).1 - edge(k).0).norm()).sum();
-    let count = crate::numerics::field::floor_index((length / PITCH).round()).max(1);
+    let count = floor_index((length / PITCH).round()).max(1);
     let (mut points, mut reached) = (Vec::with_capacity(count), 0.0);
     for k in 0..curve.len() {
         let (a, b) = edge(k);
@@ -215,12 +215,14 @@ impl Walk {
 
 /// Gaussian mean along the closed outline.
 fn smoothed(values: &[f64]) -> Vec<f64> {
-    let n = values.len() as isize;
     let sigma = SIGMA / PITCH;
-    let reach = (3.0 * sigma).ceil() as isize;
-    let weight = |d: isize| (-0.5 * (d as f64 / sigma).powi(2)).exp() / (sigma * (2.0 * PI).sqrt());
-    let total: f64 = (-reach..=reach).map(weight).sum();
-    (0..n)
-        .map(|k| (-reach..=reach).map(|d| weight(d) * values[(k + d).rem_euclid(n) as usize]).sum::<f64>() / total)
-        .collect()
+    let reach = floor_index((3.0 * sigma).ceil());
+    let weights: Vec<f64> = (0..=reach).map(|d| (-0.5 * (d as f64 / sigma).powi(2)).exp()).collect();
+    let total = weights[0] + 2.0 * weights[1..].iter().sum::<f64>();
+    let count = values.len();
+    let mean = |k: usize| {
+        let pair = |d: usize| values[(k + d) % count] + values[(k + count * (1 + reach) - d) % count];
+        (weights[0] * values[k] + (1..=reach).map(|d| weights[d] * pair(d)).sum::<f64>()) / total
+    };
+    (0..count).map(mean).collect()
 }

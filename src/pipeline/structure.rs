@@ -225,7 +225,7 @@ impl Work<'_> {
     ) -> Result<Vec<Option<Draft>>, Stop> {
         let mut drafts = Vec::new();
         for (number, sheet) in sheets.iter().enumerate() {
-            match self.draft(solid, depth, sheet, number, timings, warnings) {
+            match self.draft((solid, depth), sheet, number, timings, warnings) {
                 Ok(draft) => drafts.push(Some(draft)),
                 Err(Stop::Refused(refusal)) if number > 0 => {
                     let message = format!("sheet {number} was left out: {refusal}");
@@ -240,8 +240,7 @@ impl Work<'_> {
 
     fn draft(
         &self,
-        solid: &Solid,
-        depth: &Depth,
+        (solid, depth): (&Solid, &Depth),
         sheet: &SheetSides,
         number: usize,
         timings: &mut StageTimings,
