@@ -2,12 +2,12 @@
 //! working grid.
 
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
-use nalgebra::{Matrix3, Point3};
+use nalgebra::{Matrix3, Point3, Vector3};
 
 use crate::numerics::field::floor_index;
 use crate::space::Grid;
 
-use super::depth::Depth;
+use super::depth::{Depth, SkinPoint};
 use super::mask::Solid;
 use super::model::{Coverage, DistanceSummary};
 use super::shell::Shell;
@@ -29,12 +29,11 @@ const COVERED: f64 = 1.0;
 #[must_use]
 pub fn coverage(solid: &Solid, depth: &Depth, figures: &[Nodes]) -> (Coverage, Vec<Coverage>) {
     let owners = Owners::of(figures);
-    let skin: Vec<Point3<f64>> = depth.skin.iter().map(|s| s.position).collect();
-    let skin_owner: Vec<usize> = skin.iter().map(|p| owners.of_point(*p)).collect();
-    let skin_points = Nearest::new(&skin);
-    let samples: Vec<Vec<Point3<f64>>> = figures.iter().map(|nodes| surface_samples(nodes.into())).collect();
+    let skin_owner: Vec<usize> = depth.skin.iter().map(|s| owners.of_point(s.position)).collect();
+    let skin_points = Nearest::new(&depth.skin);
+    let samples: Vec<Vec<SkinPoint>> = figures.iter().map(|nodes| surface_samples(nodes.into())).collect();
     let (dice, dice_of) = overlaps(&solid.mask, figures, &owners);
-    let measured = |dice: f64, skin: &[Point3<f64>], samples: &[Point3<f64>]| {
+    let measured = |dice: f64, skin: &[SkinPoint], samples: &[SkinPoint]| {
         let to_model = Nearest::new(samples).distances(skin);
         Coverage {
             dice,
@@ -43,36 +42,37 @@ pub fn coverage(solid: &Solid, depth: &Depth, figures: &[Nodes]) -> (Coverage, V
             model_to_mask: summary(skin_points.distances(samples), solid.voxel_mm),
         }
     };
-    let whole = measured(dice, &skin, &samples.concat());
+    let whole = measured(dice, &depth.skin, &samples.concat());
     if figures.len() == 1 {
         return (whole, vec![whole]);
     }
     let each = samples.iter().zip(dice_of).enumerate().map(|(number, (samples, dice))| {
-        let own = skin.iter().zip(&skin_owner).filter(|(_, owner)| **owner == number);
-        let own: Vec<Point3<f64>> = own.map(|(p, _)| *p).collect();
+        let own = depth.skin.iter().zip(&skin_owner).filter(|(_, owner)| **owner == number);
+        let own: Vec<SkinPoint> = own.map(|(s, _)| *s).collect();
         measured(dice, &own, samples)
     });
     (whole, each.collect())
 }
 
-/// Points to be found by distance.
-struct Nearest {
+/// A surface given by points with normals, to be found by distance.
+struct Nearest<'a> {
+    points: &'a [SkinPoint],
     tree: Option<ImmutableKdTree<f64, 3>>,
 }
 
-impl Nearest {
-    fn new(points: &[Point3<f64>]) -> Self {
-        let rows: Vec<[f64; 3]> = points.iter().map(|p| [p.x, p.y, p.z]).collect();
+impl<'a> Nearest<'a> {
+    fn new(points: &'a [SkinPoint]) -> Self {
+        let rows: Vec<[f64; 3]> = points.iter().map(|s| [s.position.x, s.position.y, s.position.z]).collect();
         let tree = if rows.is_empty() { None } else { ImmutableKdTree::new_from_slice(&rows).ok() };
-        Self { tree }
+        Self { points, tree }
     }
 
-    /// Distance from each of `from` to the nearest point; infinite when there is none.
-    fn distances(&self, from: &[Point3<f64>]) -> Vec<f64> {
+    /// Distance from each of `from` to the surface around the nearest point; infinite when there is none.
+    fn distances(&self, from: &[SkinPoint]) -> Vec<f64> {
         let Some(tree) = &self.tree else { return vec![f64::INFINITY; from.len()] };
-        let one =
-            |p: &Point3<f64>| tree.query(&[p.x, p.y, p.z]).nearest_one::<SquaredEuclidean<f64>>().execute().distance;
-        from.iter().map(|p| one(p).max(0.0).sqrt()).collect()
+        let nearest =
+            |p: Point3<f64>| tree.query(&[p.x, p.y, p.z]).nearest_one::<SquaredEuclidean<f64>>().execute().item;
+        from.iter().map(|s| self.points[nearest(s.position) as usize].distance(s.position)).collect()
     }
 }
 
@@ -212,16 +212,23 @@ fn fill(covered: &mut Grid<bool>, [o, a, b, c]: &Tetrahedron) {
 }
 
 /// Points spread over the outer surface of a figure: upper, lower and the crest strips.
-fn surface_samples(shell: Shell<'_>) -> Vec<Point3<f64>> {
+fn surface_samples(shell: Shell<'_>) -> Vec<SkinPoint> {
     let mut samples = Vec::new();
+    let mut sample = |corners: [Point3<f64>; 4]| {
+        let [a, b, c, d] = corners;
+        sample_quad(corners, SAMPLE_STEP, |position, [s, t]| {
+            let (across, down) = ((b - a) * (1.0 - t) + (d - c) * t, (c - a) * (1.0 - s) + (d - b) * s);
+            let normal = across.cross(&down).try_normalize(1e-9).unwrap_or_else(Vector3::z);
+            samples.push(SkinPoint { position, normal });
+        });
+    };
     for skin in [shell.upper, shell.lower] {
         for quad in shell.quads() {
-            sample_quad(quad.nodes.map(|n| skin[n]), SAMPLE_STEP, |p, _| samples.push(p));
+            sample(quad.nodes.map(|n| skin[n]));
         }
         for step in shell.edge_steps() {
             let [a, b] = step.nodes;
-            let strip = [skin[a], skin[b], shell.crest[step.here], shell.crest[step.next]];
-            sample_quad(strip, SAMPLE_STEP, |p, _| samples.push(p));
+            sample([skin[a], skin[b], shell.crest[step.here], shell.crest[step.next]]);
         }
     }
     samples

@@ -7,9 +7,9 @@ use super::quality::worst;
 /// Thresholds as `(warn, fail)`. Overlap of the cells with the mask.
 const DICE: (f64, f64) = (0.90, 0.75);
 /// Share of the mask's surface within one voxel of the model's.
-const COVERED: (f64, f64) = (0.80, 0.50);
+const COVERED: (f64, f64) = (0.60, 0.30);
 /// 95th percentile of the distance from the mask's surface to the model's, voxels.
-const FAR_VOXELS: (f64, f64) = (3.0, 8.0);
+const FAR_VOXELS: (f64, f64) = (4.0, 12.0);
 /// ISOMAP residual variance of any surface.
 const RESIDUAL: (f64, f64) = (0.05, 0.20);
 /// Spacing variation of the medial lattice.
