@@ -41,6 +41,8 @@ pub mod lattice;
 
 pub mod spokes;
 
+pub mod strip;
+
 pub mod rim;
 
 pub mod anchored;

@@ -13,7 +13,7 @@ use super::depth::Depth;
 use super::lattice::{Node, SpaceFromPlane};
 use super::mask::Solid;
 use super::outline::Region;
-use super::sides::SheetSides;
+use super::strip::SheetPoints;
 
 /// How far inside of the outline the walk starts, voxels: where fits are sound.
 const START: f64 = 2.0;
@@ -43,19 +43,14 @@ pub struct WholeSheet {
 /// Carries a sheet on to its rim: moves the outline there and adds points up to it.
 #[must_use]
 pub fn to_rim(
-    sheet: &SheetSides,
-    flat: &[Point2<f64>],
+    points: &SheetPoints,
     region: &Region,
     hinge: &[Point3<f64>],
     solid: &Solid,
     depth: &Depth,
 ) -> WholeSheet {
-    let mut whole = WholeSheet {
-        region: region.clone(),
-        flat: flat.to_vec(),
-        positions: sheet.medial.positions.clone(),
-        radii: sheet.radii.clone(),
-    };
+    let SheetPoints { flat, positions, radii } = points.clone();
+    let mut whole = WholeSheet { region: region.clone(), flat, positions, radii };
     let outline = evenly(&region.outline());
     if outline.len() < 8 {
         return whole;
@@ -63,7 +58,7 @@ pub fn to_rim(
     let [x, y] = [0, 1].map(|axis| smoothed(&outline.iter().map(|p| p[axis]).collect::<Vec<f64>>()));
     let outline: Vec<Point2<f64>> = x.into_iter().zip(y).map(|(x, y)| Point2::new(x, y)).collect();
     let outward: Vec<Vector2<f64>> = (0..outline.len()).map(|k| outward(&outline, k)).collect();
-    let map = SpaceFromPlane::new(flat, &sheet.medial.positions, &sheet.radii);
+    let map = SpaceFromPlane::new(&points.flat, &points.positions, &points.radii);
     let walks: Vec<Walk> = outline
         .iter()
         .zip(&outward)

@@ -29,6 +29,7 @@ use super::rim::to_rim;
 use super::sheets::{Sheets, sheets};
 use super::sides::{SheetSides, Side, sides};
 use super::spokes::{Nodes, align_sides, lattices, paper};
+use super::strip::{SheetPoints, unfolded, widened};
 use super::uncertainty::{Muted, Repeat, add_uncertainty};
 
 /// Medial points that the main sheet needs: fewer are less than a lattice of 3 × 3 nodes with
@@ -248,10 +249,16 @@ impl Work<'_> {
     ) -> Result<Draft, Stop> {
         let (flat, frame) =
             self.stage(timings, Stage::Isomap, || self.flatten_all(solid, sheet, number, warnings))??;
-        let region = Region::of(&flat.medial.points);
+        let own_region = Region::of(&flat.medial.points);
         if number == 0 {
-            check_extents(&region, sheet, solid)?;
+            check_extents(&own_region, sheet, solid)?;
         }
+        let points = match self.params.correspondence {
+            Correspondence::Anchored => widened(sheet, &flat.medial.points, depth),
+            Correspondence::Paper => SheetPoints::default(),
+        };
+        let is_widened = points.flat.len() > flat.medial.points.len();
+        let region = if is_widened { Region::of(&points.flat) } else { own_region };
         let share = region.hole_share;
         if share > HOLES_REFUSED {
             return Err(Refusal::SheetHasHoles { share, allowed: HOLES_REFUSED }.into());
@@ -277,7 +284,7 @@ impl Work<'_> {
             return Ok(Draft { nodes, flat, frame, automatic, repair: Repair::default() });
         }
         let (whole, automatic, lattice) = self.stage(timings, Stage::Lattice, || {
-            let whole = to_rim(sheet, &flat.medial.points, &region, &sheet.hinge, solid, depth);
+            let whole = to_rim(&points, &region, &sheet.hinge, solid, depth);
             let (size, automatic) = sized(&whole.region);
             let lay = |size| lattice(&whole.region, self.params.lattice, size, self.params.margin, 0.0);
             let mut lattice = lay(size);
@@ -319,6 +326,7 @@ impl Work<'_> {
         let (points, frame) = framed(&medial.points, sheet, solid);
         medial.points = points;
         if self.params.correspondence == Correspondence::Anchored {
+            medial.points = unfolded(sheet, &medial.points);
             // The sides take their coordinates from the sheet; they have no graph of their own.
             let carried = |side: &Side| Flat {
                 points: side.partners.iter().map(|&p| medial.points[p as usize]).collect(),
