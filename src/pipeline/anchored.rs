@@ -71,7 +71,7 @@ pub fn anchored(
             break;
         }
         // Spokes that cross along the edge, where cells are still legal.
-        spread.calm(&left);
+        spread.calm(&left, round >= CREST_ROUNDS / 2);
         let again = spread.repair();
         repaired.moved_nodes = repaired.moved_nodes.max(again.moved_nodes);
         repaired.shortened_nodes = repaired.shortened_nodes.max(again.shortened_nodes);

@@ -6,7 +6,7 @@
 //! where the sheet itself is folded its nodes are moved between their neighbours; what is left
 //! after that is shortened.
 
-use nalgebra::{Point2, Point3, Vector3};
+use nalgebra::{Point2, Point3, Vector2, Vector3};
 
 use super::lattice::Node;
 use super::legality::{Illegal, legality};
@@ -148,8 +148,21 @@ impl Spread<'_> {
         done
     }
 
-    /// Draws the spokes of some edge nodes towards those of the nodes around them.
-    pub fn calm(&mut self, nodes: &[usize]) {
+    /// Draws the spokes of some edge nodes towards those of the nodes around them; with `spread`, the
+    /// nodes themselves to the middle between their neighbours on the edge.
+    pub fn calm(&mut self, nodes: &[usize], spread: bool) {
+        if spread {
+            let edge = ring(self.size);
+            let old = (self.flat.clone(), self.medial.clone());
+            for k in (0..edge.len()).filter(|&k| nodes.contains(&edge[k])) {
+                let three = [edge[(k + edge.len() - 1) % edge.len()], edge[k], edge[(k + 1) % edge.len()]];
+                let n = edge[k];
+                self.flat[n] = Point2::from(three.iter().map(|&m| old.0[m].coords).sum::<Vector2<f64>>() / 3.0);
+                let place = three.iter().map(|&m| old.1[m].position.coords).sum::<Vector3<f64>>() / 3.0;
+                self.medial[n].position = Point3::from(place);
+                self.medial[n].value = (self.radius_at)(self.medial[n].position);
+            }
+        }
         for side in 0..2 {
             let old = self.directions[side].clone();
             for &n in nodes {
