@@ -387,11 +387,11 @@ mod tests {
     }
 
     #[test]
-    fn anchored_is_refused_by_name() {
+    fn an_unknown_correspondence_is_refused_with_those_there_are() {
         let problem = Problem::from(&parse(br#"{"correspondence": "nearest"}"#).unwrap_err());
         assert_eq!((problem.status, problem.code.as_str()), (422, "invalid_params"));
         assert_eq!(problem.location.as_deref(), Some("params.correspondence"));
-        assert!(problem.detail.contains("\"anchored\" is not available yet"), "{}", problem.detail);
+        assert!(problem.detail.contains("\"anchored\" or \"paper\""), "{}", problem.detail);
     }
 
     #[test]
