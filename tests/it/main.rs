@@ -32,6 +32,8 @@ mod pipeline_input;
 
 mod pipeline_stages;
 
+mod pipeline_strip;
+
 mod pipeline_frame;
 
 mod pipeline_refusals;
