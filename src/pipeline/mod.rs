@@ -3,8 +3,8 @@
 //!
 //! ```text
 //! LabelVolume ── mask ── Solid ── depth ── Depth ── medial ── MedialSurface ── sheets ── Sheets
-//!   ── sides ── SheetSides ── isomap ── Flat ── frame, outline, lattice ── Lattice
-//!   ── spokes ── Nodes ── legality, closed, coverage, measures, verdict ── quality ── Figure, StructureQuality
+//!   ── sides ── SheetSides ── isomap ── Flat ── frame, strip, outline, rim ── WholeSheet ── lattice ── Lattice
+//!   ── anchored, repair (or spokes, for `paper`) ── Nodes ── legality, closed, coverage, measures, verdict ── quality ── Figure, StructureQuality
 //! ```
 
 pub mod params;

@@ -319,3 +319,65 @@ pub fn mend_crest(
     }
     (touched.into_iter().filter(|t| *t).count(), left)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: LatticeSize = LatticeSize { rows: 5, cols: 6 };
+
+    fn node_at(p: Point2<f64>) -> Node {
+        let position = Point3::new(p.x, p.y, 0.0);
+        Node { position, tangents: [Vector3::x(), Vector3::y()], value: 2.0, slopes: [0.0; 2] }
+    }
+
+    /// Two planes 2 voxels from the sheet.
+    fn length(_: &Node, direction: Vector3<f64>) -> f64 {
+        2.0 / direction.z.abs().max(0.1)
+    }
+
+    fn flat_spread() -> Spread<'static> {
+        let flat: Vec<Point2<f64>> = (0..30).map(|n| Point2::new((n % 6) as f64, (n / 6) as f64)).collect();
+        Spread {
+            size: SIZE,
+            medial: flat.iter().map(|p| node_at(*p)).collect(),
+            directions: [vec![Vector3::z(); 30], vec![-Vector3::z(); 30]],
+            lengths: [vec![2.0; 30], vec![2.0; 30]],
+            flat,
+            node_at: &node_at,
+            radius_at: &|_| 2.0,
+            length: &length,
+            // (i, j) = (v, u), upward: left-handed.
+            hand: -1.0,
+        }
+    }
+
+    #[test]
+    fn a_legal_lattice_is_left_alone() {
+        let mut spread = flat_spread();
+        assert_eq!(spread.repair(), Repair::default());
+        assert_eq!(spread.ends(0)[7], Point3::new(1.0, 1.0, 2.0));
+    }
+
+    #[test]
+    fn crossing_vectors_are_turned_and_still_reach_the_surface() {
+        let mut spread = flat_spread();
+        spread.directions[0][8] = Vector3::new(-1.0, 0.0, 0.6).normalize();
+        spread.lengths[0][8] = length(&node_at(Point2::origin()), spread.directions[0][8]);
+        let repair = spread.repair();
+        assert!(repair.folds_before > 0 && repair.shortened_nodes == 0, "{repair:?}");
+        assert_eq!(spread.look().0, 0);
+        assert!(spread.ends(0).iter().all(|p| (p.z - 2.0).abs() < 1e-9));
+        assert_eq!(spread.ends(1)[8], Point3::new(2.0, 1.0, -2.0), "the other side is not touched");
+    }
+
+    #[test]
+    fn a_node_beyond_its_neighbour_is_moved_between_them() {
+        let mut spread = flat_spread();
+        spread.flat[8].x = 4.5;
+        spread.medial[8] = node_at(spread.flat[8]);
+        assert!(spread.repair().folds_before > 0);
+        assert_eq!(spread.look().0, 0);
+        assert!(spread.medial[8].position.x < 3.0);
+    }
+}
