@@ -37,6 +37,7 @@ mod pipeline_frame;
 mod pipeline_refusals;
 
 mod pipeline_auto;
+mod pipeline_cut;
 
 mod pipeline_uncertainty;
 mod pipeline_legality;
