@@ -2,7 +2,7 @@
 //! representation comes out. This file holds the order of the stages and nothing else.
 //!
 //! ```text
-//! LabelVolume ── mask ── Solid ── depth ── Depth ── medial ── MedialSurface ── sheets ── Sheets
+//! LabelVolume ── mask ── Solid ── depth ── Depth ── medial ── MedialSurface ── sheets, cut ── Sheets
 //!   ── sides ── SheetSides ── isomap ── Flat ── frame, strip, outline, rim ── WholeSheet ── lattice ── Lattice
 //!   ── anchored, repair (or spokes, for `paper`) ── Nodes ── legality, closed, coverage, measures, verdict ── quality ── Figure, StructureQuality
 //! ```
@@ -24,6 +24,8 @@ pub mod surface;
 pub mod medial;
 
 pub mod sheets;
+
+pub mod cut;
 
 pub mod sides;
 

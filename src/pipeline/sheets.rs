@@ -444,7 +444,7 @@ fn hinges(surface: &MedialSurface, label: &[u32]) -> Vec<Hinge> {
 }
 
 /// Renumbers the sheets, the largest first.
-fn in_order_of_size(surface: &MedialSurface, label: &[u32], pruned: usize) -> Sheets {
+pub(super) fn in_order_of_size(surface: &MedialSurface, label: &[u32], pruned: usize) -> Sheets {
     let mut order: Vec<(u32, usize)> = sizes(label).into_iter().collect();
     order.sort_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(&b.0)));
     let new: BTreeMap<u32, u32> = order.iter().enumerate().map(|(k, (old, _))| (*old, id(k))).collect();

@@ -9,6 +9,7 @@ use crate::space::{LabelVolume, ParamPoint, WorldPoint};
 
 use super::anchored::anchored;
 use super::automatic::{Automatic, automatic, respaced};
+use super::cut::{Laid, cut};
 use super::depth::{Depth, depth};
 use super::frame::{FrameFacts, framed};
 use super::isomap::{Flat, IsomapError, flatten};
@@ -189,8 +190,11 @@ impl Work<'_> {
             self.stage(&mut timings, Stage::Sheets, || sheets(&surface, &depth, params.prune, params.max_figures))?;
         out.timings = timings;
         check_sheet(&surface, &sheets, &solid)?;
+        let start = Instant::now();
+        let Laid { sheets, flat } = cut(&surface, sheets, params, solid.voxel_mm, observer, &mut out.warnings)?;
+        timings.0[Stage::Isomap as usize] += start.elapsed().as_secs_f64() * 1e3;
         let sheet_sides = self.stage(&mut timings, Stage::Sides, || sides(&solid, &depth, &surface, &sheets))??;
-        let drafts = self.drafts(&solid, &depth, &sheet_sides, &mut timings, &mut out.warnings)?;
+        let drafts = self.drafts(&solid, &depth, &sheet_sides, flat, &mut timings, &mut out.warnings)?;
         out.timings = timings;
         let figures: Vec<Nodes> = drafts.iter().flatten().map(|d| d.nodes.clone()).collect();
         self.stage(&mut timings, Stage::Quality, || {
@@ -221,12 +225,13 @@ impl Work<'_> {
         solid: &Solid,
         depth: &Depth,
         sheets: &[SheetSides],
+        flat: Vec<Option<Flat>>,
         timings: &mut StageTimings,
         warnings: &mut Vec<Warning>,
     ) -> Result<Vec<Option<Draft>>, Stop> {
         let mut drafts = Vec::new();
-        for (number, sheet) in sheets.iter().enumerate() {
-            match self.draft((solid, depth), sheet, number, timings, warnings) {
+        for (number, (sheet, flat)) in sheets.iter().zip(flat).enumerate() {
+            match self.draft((solid, depth), (sheet, flat), number, timings, warnings) {
                 Ok(draft) => drafts.push(Some(draft)),
                 Err(Stop::Refused(refusal)) if number > 0 => {
                     let message = format!("sheet {number} was left out: {refusal}");
@@ -242,13 +247,13 @@ impl Work<'_> {
     fn draft(
         &self,
         (solid, depth): (&Solid, &Depth),
-        sheet: &SheetSides,
+        (sheet, flat): (&SheetSides, Option<Flat>),
         number: usize,
         timings: &mut StageTimings,
         warnings: &mut Vec<Warning>,
     ) -> Result<Draft, Stop> {
         let (flat, frame) =
-            self.stage(timings, Stage::Isomap, || self.flatten_all(solid, sheet, number, warnings))??;
+            self.stage(timings, Stage::Isomap, || self.flatten_all(solid, sheet, flat, number, warnings))??;
         let own_region = Region::of(&flat.medial.points);
         if number == 0 {
             check_extents(&own_region, sheet, solid)?;
@@ -301,18 +306,19 @@ impl Work<'_> {
         Ok(Draft { nodes, flat, frame, automatic, repair })
     }
 
-    /// ISOMAP of the sheet and its sides, turned into one frame.
+    /// ISOMAP of the sheet, unless it was laid flat before, and its sides, turned into one frame.
     fn flatten_all(
         &self,
         solid: &Solid,
         sheet: &SheetSides,
+        laid: Option<Flat>,
         number: usize,
         warnings: &mut Vec<Warning>,
     ) -> Result<(PerSurface<Flat>, FrameFacts), Stop> {
-        let mut flat_of = |name: &str, surface| {
+        let mut flat_of = |name: &str, surface, laid: Option<Flat>| {
             let params = self.params;
-            let flat = flatten(surface, params.neighbors, params.landmarks, solid.voxel_mm, self.observer)
-                .map_err(|error| refused(error, sheet, solid.voxel_mm))?;
+            let flatten = || flatten(surface, params.neighbors, params.landmarks, solid.voxel_mm, self.observer);
+            let flat = laid.map_or_else(flatten, Ok).map_err(|error| refused(error, sheet, solid.voxel_mm))?;
             if flat.pieces > 1 {
                 let message = format!(
                     "the neighbourhood graph of the {name} surface of sheet {number} fell into {} pieces, joined through touching voxels",
@@ -322,7 +328,7 @@ impl Work<'_> {
             }
             Ok::<Flat, Stop>(flat)
         };
-        let mut medial = flat_of("medial", &sheet.medial)?;
+        let mut medial = flat_of("medial", &sheet.medial, laid)?;
         let (points, frame) = framed(&medial.points, sheet, solid);
         medial.points = points;
         if self.params.correspondence == Correspondence::Anchored {
@@ -339,8 +345,8 @@ impl Work<'_> {
         }
         let mut flat = PerSurface {
             medial,
-            upper: flat_of("upper", &sheet.upper.surface)?,
-            lower: flat_of("lower", &sheet.lower.surface)?,
+            upper: flat_of("upper", &sheet.upper.surface, None)?,
+            lower: flat_of("lower", &sheet.lower.surface, None)?,
         };
         align_sides(sheet, &mut flat);
         Ok((flat, frame))

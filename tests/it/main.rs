@@ -40,6 +40,7 @@ mod pipeline_refusals;
 
 mod pipeline_anchored;
 mod pipeline_auto;
+mod pipeline_cut;
 
 mod pipeline_legality;
 mod pipeline_uncertainty;

@@ -1,0 +1,83 @@
+//! Sheets that cannot be laid out in one piece are cut.
+
+use medialrep::pipeline::model::Structure;
+use medialrep::pipeline::params::Params;
+use medialrep::space::LabelVolume;
+
+use crate::phantoms::{model_of, painted, params, volume};
+
+fn structure(volume: &LabelVolume, params: Params) -> Structure {
+    model_of(volume, params).structures.remove(0)
+}
+
+fn cuts(structure: &Structure) -> usize {
+    structure.warnings.iter().filter(|w| w.code == "sheet_cut").count()
+}
+
+/// A shell 6 voxels thick around all of a sphere but an opening of 40° about the z axis.
+fn bowl() -> LabelVolume {
+    painted([48; 3], [1.0; 3], |index| {
+        let [x, y, z] = index.map(|i| i as f64 - 23.5);
+        let radius = (x * x + y * y + z * z).sqrt();
+        u16::from((radius - 18.0).abs() < 3.0 && z < 40.0f64.to_radians().cos() * radius)
+    })
+}
+
+/// A plate 70 long and 44 wide with a slot from one end to its middle.
+fn notched() -> LabelVolume {
+    painted([78, 52, 14], [1.0; 3], |[x, y, z]| {
+        let is_plate = (4..74).contains(&x) && (4..48).contains(&y) && (4..10).contains(&z);
+        let is_slot = x >= 39 && (22..28).contains(&y);
+        u16::from(is_plate && !is_slot)
+    })
+}
+
+#[test]
+fn a_bowl_is_cut_until_every_part_can_be_laid_flat() {
+    let bowl = structure(&bowl(), params());
+    assert_eq!(cuts(&bowl), 1);
+    assert!(bowl.figures.len() > 1);
+    for figure in &bowl.figures {
+        let residual = figure.quality.residual_variance.medial;
+        assert!(residual < 0.018, "residual variance {residual:.3}");
+    }
+    // Every part meets another one.
+    for number in 0..bowl.figures.len() {
+        assert!(bowl.junctions.iter().any(|j| j.figures.contains(&number)), "figure {number} has no junction");
+    }
+}
+
+#[test]
+fn parts_reach_the_hinge_that_they_meet_at() {
+    let plate = structure(&notched(), params());
+    let ends: Vec<_> = plate.figures.iter().map(|f| &f.medial).collect();
+    let gap = |p: &medialrep::space::WorldPoint| {
+        let to =
+            |nodes: &[medialrep::space::WorldPoint]| nodes.iter().map(|q| (q - p).norm()).fold(f64::INFINITY, f64::min);
+        ends.iter().map(|nodes| to(nodes)).fold(0.0, f64::max)
+    };
+    let points = &plate.junctions[0].points;
+    let mean = points.iter().map(gap).sum::<f64>() / points.len() as f64;
+    assert!(mean < 2.0, "the lattices end {mean:.1} voxels before the hinge in the mean");
+}
+
+#[test]
+fn a_plate_that_forks_around_a_slot_is_cut_at_its_bottom() {
+    let plate = structure(&notched(), params());
+    assert_eq!((cuts(&plate), plate.figures.len(), plate.junctions.len()), (1, 2, 1));
+    let mean = plate.junctions[0].points.iter().map(|p| p.x).sum::<f64>() / plate.junctions[0].points.len() as f64;
+    assert!((mean - 39.0).abs() < 5.0, "the cut lies at {mean:.1}");
+}
+
+#[test]
+fn sheets_that_can_be_laid_flat_stay_whole() {
+    for name in ["leaf", "half_bent", "thick_bend", "twisted"] {
+        assert_eq!(cuts(&structure(&volume(name), params())), 0, "{name}");
+    }
+}
+
+#[test]
+fn no_sheet_is_cut_into_more_figures_than_asked_for() {
+    let one = Params { max_figures: Some(1), ..params() };
+    assert_eq!(structure(&notched(), one).figures.len(), 1);
+}
