@@ -13,8 +13,11 @@ use crate::numerics::field::{floor_index, id};
 use super::isomap::{Flat, IsomapError, flatten};
 use super::medial::MedialSurface;
 use super::observer::{Cancelled, Observer, Warning};
+use super::outline::Region;
 use super::params::{CheckedParams, Landmarks};
 use super::sheets::{NO_SHEET, Sheets, in_order_of_size};
+use super::sides::is_orientable;
+use super::structure::HOLES_REFUSED;
 use super::surface::Surface;
 
 /// Residual variance above which a sheet counts as not laid flat. Sheets known to be developable
@@ -116,7 +119,7 @@ pub fn cut(
         let residual = before.residual();
         let (mut parts, mut done) = (vec![before], Vec::new());
         while let Some(part) = parts.pop() {
-            let pieces = cutter.pieces(&part, most - count)?;
+            let pieces = if is_refused(surface, &part) { Vec::new() } else { cutter.pieces(&part, most - count)? };
             if pieces.is_empty() {
                 done.push(part);
             } else {
@@ -187,6 +190,14 @@ fn arm(surface: &Surface, along: &[f64], length: f64, points: usize) -> Option<V
         arms[farthest].push(p);
     }
     best
+}
+
+/// Whether a sheet is refused for what it is, a band with one side or a ring: cut, it would look like
+/// one that is not.
+fn is_refused(surface: &MedialSurface, part: &Part) -> bool {
+    let has_hole = |flat: &Flat| Region::of(&flat.points).hole_share > HOLES_REFUSED;
+    part.residual() > MAX_RESIDUAL
+        && (part.flat.as_ref().is_some_and(has_hole) || !is_orientable(surface, &part.members))
 }
 
 /// What was done to a sheet.

@@ -46,7 +46,7 @@ const TUBE_WIDTH: f64 = 0.8;
 /// voxel or two in a skeleton are no holes of the organ.
 const HOLES_SAID: f64 = 0.02;
 /// Share from which they are not filled but refused: every seventh node would lie on nothing.
-const HOLES_REFUSED: f64 = 0.15;
+pub const HOLES_REFUSED: f64 = 0.15;
 
 /// One label and what is asked of it.
 #[derive(Clone, Copy)]
@@ -194,7 +194,7 @@ impl Work<'_> {
         let Laid { sheets, flat } = cut(&surface, sheets, params, solid.voxel_mm, observer, &mut out.warnings)?;
         timings.0[Stage::Isomap as usize] += start.elapsed().as_secs_f64() * 1e3;
         let sheet_sides = self.stage(&mut timings, Stage::Sides, || sides(&solid, &depth, &surface, &sheets))??;
-        let drafts = self.drafts(&solid, &depth, &sheet_sides, flat, &mut timings, &mut out.warnings)?;
+        let drafts = self.drafts((&solid, &depth), &sheet_sides, flat, &mut timings, &mut out.warnings)?;
         out.timings = timings;
         let figures: Vec<Nodes> = drafts.iter().flatten().map(|d| d.nodes.clone()).collect();
         self.stage(&mut timings, Stage::Quality, || {
@@ -222,8 +222,7 @@ impl Work<'_> {
     /// with a warning; the main one is refused.
     fn drafts(
         &self,
-        solid: &Solid,
-        depth: &Depth,
+        (solid, depth): (&Solid, &Depth),
         sheets: &[SheetSides],
         flat: Vec<Option<Flat>>,
         timings: &mut StageTimings,
