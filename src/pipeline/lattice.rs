@@ -2,8 +2,9 @@
 //! (section 3 of the paper).
 //!
 //! `regular` is the paper's rectangle. `fitted` follows the outline: nodes slide along the rows and
-//! columns of a patch of the region in turn until they are equally spaced along both. The map back is a local quadratic fit (moving least squares), so
-//! that the staircase of the voxels does not reach the mesh.
+//! columns of a patch of the region in turn until they are equally spaced along both. The map back
+//! is a local quadratic fit (moving least squares), so that the staircase of the voxels does not
+//! reach the mesh.
 
 use nalgebra::{Point2, Point3, SVector, Vector2, Vector3};
 
@@ -18,7 +19,7 @@ use super::patch::Patch;
 /// Radius of the local fits, voxels. Below 3 the staircase shows; above 6 bends of small radius
 /// are flattened.
 const FIT_RADIUS: f64 = 5.0;
-/// Harmonic share left free at the rim. It is a small part of a voxel along a smooth rim and several
+/// Harmonic share left free at the rim in `paper` mode. It is a small part of a voxel along a smooth rim and several
 /// voxels in a narrow tip, where the three surfaces end differently: lattices that run to the end of
 /// tips fold there (2 to 10 % of the corners on organs with tails, against 0 to 2.5 %). What is
 /// left free belongs to the crest.
@@ -54,7 +55,8 @@ pub struct Lattice {
     pub rim: Vec<Point2<f64>>,
 }
 
-/// A lattice over the region, or `None` when the region is empty.
+/// A lattice over the region, or `None` when the region is empty. `margin`: share of each line left free
+/// at its ends; `inset`: harmonic share left free before that, for a fitted one.
 #[must_use]
 pub fn lattice(region: &Region, kind: LatticeKind, size: LatticeSize, margin: f64, inset: f64) -> Option<Lattice> {
     let (nodes, rim) = match kind {
