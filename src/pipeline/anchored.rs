@@ -5,6 +5,8 @@
 //! m − R∇R ± R√(1 − |∇R|²) n (Blum; Damon, *Smoothness and geometry of boundaries associated to
 //! skeletal structures*, 2003). We walk that way to the sub-voxel boundary.
 
+use std::collections::BTreeSet;
+
 use nalgebra::{Point2, Point3, Vector3};
 
 use super::depth::Depth;
@@ -31,7 +33,7 @@ pub fn anchored(
     whole: &WholeSheet,
     mut lattice: Lattice,
 ) -> (Nodes, Repair) {
-    let map = SpaceFromPlane::new(&whole.flat, &whole.positions, &whole.radii).over_holes();
+    let map = SpaceFromPlane::new(&whole.points.flat, &whole.points.positions, &whole.points.radii).over_holes();
     let medial: Vec<Node> = lattice.nodes.iter().map(|p| map.node(*p)).collect();
     let hand = upper_sign(&lattice, &medial, &map, sheet);
     let mut spokes: Vec<[Vector3<f64>; 2]> =
@@ -56,28 +58,39 @@ pub fn anchored(
         length: &length,
         // Columns run along u, rows along v: the normal of (i, j) is that of (v, u).
         hand: -hand,
+        touched: BTreeSet::new(),
     };
-    let mut repaired = spread.repair();
-    let mut nodes;
+    let folds_before = spread.repair();
     let mut round = 0;
-    loop {
+    let (nodes, crest) = loop {
         lattice.nodes.clone_from(&spread.flat);
         let crest = crest(&solid.level, lattice.size, &spread.medial, &look_ahead(&lattice, &map, &sheet.hinge));
-        nodes = spread.nodes(crest, lattice.valid.clone());
-        let (touched, left) =
-            mend_crest(&mut nodes, |from, direction, reach| solid.level.first_zero(from, direction, reach));
-        if left.is_empty() || round == CREST_ROUNDS {
-            repaired.moved_nodes += touched;
-            break;
+        let mut nodes = spread.nodes(crest, lattice.valid.clone());
+        let mended = mend_crest(&mut nodes, |from, direction, reach| solid.level.first_zero(from, direction, reach));
+        if mended.left.is_empty() || round == CREST_ROUNDS {
+            break (nodes, mended);
         }
         // Spokes that cross along the edge, where cells are still legal.
-        spread.calm(&left, round >= CREST_ROUNDS / 2);
-        let again = spread.repair();
-        repaired.moved_nodes = repaired.moved_nodes.max(again.moved_nodes);
-        repaired.shortened_nodes = repaired.shortened_nodes.max(again.shortened_nodes);
+        spread.calm(&mended.left, round >= CREST_ROUNDS / 2);
+        spread.repair();
         round += 1;
-    }
-    (nodes, repaired)
+    };
+    let short = (0..nodes.medial.len()).filter(|&n| (0..2).any(|side| falls_short(solid, &spread, n, side)));
+    let repair = Repair {
+        folds_before,
+        moved_nodes: spread.touched.union(&crest.touched).count(),
+        shortened_nodes: short.collect::<BTreeSet<usize>>().union(&crest.cut).count(),
+    };
+    (nodes, repair)
+}
+
+/// Whether a spoke ends before the boundary, because it was cut or never meets it.
+fn falls_short(solid: &Solid, spread: &Spread<'_>, n: usize, side: usize) -> bool {
+    /// Share of a length that rounding may take.
+    const ROUNDING: f64 = 1e-6;
+    let (node, length) = (&spread.medial[n], spread.lengths[side][n]);
+    let whole = solid.level.first_zero(node.position, spread.directions[side][n], reach(node));
+    whole.is_none_or(|whole| length < whole * (1.0 - ROUNDING))
 }
 
 /// +1 when the normals of the nodes' tangents point to the upper side, else −1.
@@ -139,6 +152,10 @@ fn aimed(solid: &Solid, depth: &Depth, node: &Node, direction: Vector3<f64>) -> 
 
 /// Length of a spoke to the sub-voxel boundary, voxels.
 fn length(solid: &Solid, node: &Node, direction: Vector3<f64>) -> f64 {
-    let reach = 3.0 * node.value.max(1.0) + 4.0;
-    solid.level.first_zero(node.position, direction, reach).unwrap_or(reach)
+    solid.level.first_zero(node.position, direction, reach(node)).unwrap_or(reach(node))
+}
+
+/// How far from a node the boundary is looked for, voxels.
+fn reach(node: &Node) -> f64 {
+    3.0 * node.value.max(1.0) + 4.0
 }

@@ -4,8 +4,7 @@ use super::isomap::{AUTO_RADIUS, Flat};
 use super::lattice::Lattice;
 use super::model::PerSurface;
 use super::outline::Region;
-use super::params::{CheckedParams, GridChoice, LATTICE_SIDE, LatticeSize, Neighbors, Prune};
-use super::sheets::strength;
+use super::params::{CheckedParams, GridChoice, LATTICE_SIDE, LatticeSize, Neighbors};
 use crate::numerics::field::floor_index;
 
 /// Nodes of an automatic lattice without a spacing: the paper's 6 × 8 and a little more.
@@ -84,17 +83,12 @@ pub fn automatic(
 /// Lattice whose nodes are `spacing` apart on what the margin leaves of a rectangle.
 fn spaced([length, width]: [f64; 2], margin: f64, spacing: f64) -> LatticeSize {
     let left = 1.0 - 2.0 * margin;
-    let nodes = |extent: f64| {
-        (floor_index(extent * left / spacing + 0.5) + 1).clamp(*LATTICE_SIDE.start(), *LATTICE_SIDE.end())
-    };
-    LatticeSize { rows: nodes(width), cols: nodes(length) }
+    LatticeSize { rows: nodes_on(width * left, spacing), cols: nodes_on(length * left, spacing) }
 }
 
-/// Share of the object's volume that a sheet must account for on its own, to be kept.
-#[must_use]
-pub fn loss_needed(prune: Prune) -> f64 {
-    let square = strength(prune).powi(2);
-    if square < 1.0 { square / (1.0 - square) } else { f64::INFINITY }
+/// Nodes that are nearest to `spacing` apart on a line.
+fn nodes_on(length: f64, spacing: f64) -> usize {
+    (floor_index(length / spacing + 0.5) + 1).clamp(*LATTICE_SIDE.start(), *LATTICE_SIDE.end())
 }
 
 /// The size at which the nodes of a lattice are `spacing` voxels apart in the mean: lines of a sheet
@@ -105,8 +99,5 @@ pub fn respaced(lattice: &Lattice, spacing: f64) -> LatticeSize {
     let step = |a: usize, b: usize| (lattice.nodes[a] - lattice.nodes[b]).norm();
     let along: f64 = (0..rows * cols).filter(|n| n % cols + 1 < cols).map(|n| step(n, n + 1)).sum();
     let across: f64 = (0..(rows - 1) * cols).map(|n| step(n, n + cols)).sum();
-    let nodes = |mean_length: f64| {
-        (floor_index(mean_length / spacing + 0.5) + 1).clamp(*LATTICE_SIDE.start(), *LATTICE_SIDE.end())
-    };
-    LatticeSize { rows: nodes(across / cols as f64), cols: nodes(along / rows as f64) }
+    LatticeSize { rows: nodes_on(across / cols as f64, spacing), cols: nodes_on(along / rows as f64, spacing) }
 }

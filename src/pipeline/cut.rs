@@ -13,11 +13,10 @@ use crate::numerics::field::{floor_index, id};
 use super::isomap::{Flat, IsomapError, flatten};
 use super::medial::MedialSurface;
 use super::observer::{Cancelled, Observer, Warning};
-use super::outline::Region;
+use super::outline::{HOLES_REFUSED, Region};
 use super::params::{CheckedParams, Landmarks};
 use super::sheets::{NO_SHEET, Sheets, in_order_of_size};
 use super::sides::is_orientable;
-use super::structure::HOLES_REFUSED;
 use super::surface::Surface;
 
 /// Residual variance above which a sheet counts as not laid flat. Sheets known to be developable
@@ -196,8 +195,7 @@ fn arm(surface: &Surface, along: &[f64], length: f64, points: usize) -> Option<V
 /// one that is not.
 fn is_refused(surface: &MedialSurface, part: &Part) -> bool {
     let has_hole = |flat: &Flat| Region::of(&flat.points).hole_share > HOLES_REFUSED;
-    part.residual() > MAX_RESIDUAL
-        && (part.flat.as_ref().is_some_and(has_hole) || !is_orientable(surface, &part.members))
+    part.is_curled() && (part.flat.as_ref().is_some_and(has_hole) || !is_orientable(surface, &part.members))
 }
 
 /// What was done to a sheet.

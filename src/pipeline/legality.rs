@@ -14,7 +14,6 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::params::LatticeSize;
 use super::shell::{EdgeStep, Quad, Shell};
 
 /// Kind of a part.
@@ -121,31 +120,6 @@ pub fn legality(shell: Shell<'_>) -> Legality {
     found
 }
 
-/// The bad parts among those that a node is a corner of: up to eight cells and four wedges. For
-/// loops that move nodes one by one; `orientation` is that of the figure.
-#[must_use]
-pub fn illegal_at(shell: Shell<'_>, orientation: f64, node: usize) -> Vec<Illegal> {
-    let (i, j) = (node / shell.size.cols, node % shell.size.cols);
-    let mut parts = Vec::new();
-    for is_upper in [true, false] {
-        for (di, dj) in [(1, 1), (1, 0), (0, 1), (0, 0)] {
-            let quad = i.checked_sub(di).zip(j.checked_sub(dj)).and_then(|(i, j)| shell.quad(i, j));
-            parts.extend(quad.and_then(|quad| judged_cell(shell, orientation, is_upper, quad)));
-        }
-    }
-    if is_on_edge(shell.size, i, j) {
-        for is_upper in [true, false] {
-            let steps = shell.edge_steps().filter(|step| step.nodes.contains(&node));
-            parts.extend(steps.filter_map(|step| judged_wedge(shell, orientation, is_upper, step)));
-        }
-    }
-    parts
-}
-
-fn is_on_edge(size: LatticeSize, i: usize, j: usize) -> bool {
-    i == 0 || j == 0 || i + 1 == size.rows || j + 1 == size.cols
-}
-
 /// The sign that most corners and centres of the upper side have and most of the lower side have
 /// not. A tie (one side is a copy of the other) goes to the upper side, so that the lower one is
 /// named.
@@ -188,21 +162,26 @@ fn judged(jacobians: &[Option<f64>], expected: f64, part: Part, (i, j): (usize, 
 /// Jacobians of the trilinear map of a cell: four corners on the medial quad, four on the
 /// surface, the centre.
 fn cell_jacobians(shell: Shell<'_>, is_upper: bool, quad: Quad) -> [f64; 9] {
-    let layers = [shell.medial, shell.skin(is_upper)].map(|layer| quad.nodes.map(|n| layer[n]));
+    cell_edges([shell.medial, shell.skin(is_upper)].map(|layer| quad.nodes.map(|n| layer[n]))).map(determinant)
+}
+
+/// The derivatives along i, along j and across, in the same nine places, of the trilinear map of the
+/// cell between two quads, the medial one first.
+#[must_use]
+pub fn cell_edges(layers: [[Point3<f64>; 4]; 2]) -> [[Vector3<f64>; 3]; 9] {
     let across = |k: usize| layers[1][k] - layers[0][k];
     let along_i = |layer: &[Point3<f64>; 4], k: usize| layer[2 | (k & 1)] - layer[k & 1];
     let along_j = |layer: &[Point3<f64>; 4], k: usize| layer[(k & 2) | 1] - layer[k & 2];
-    let mut jacobians = [0.0; 9];
+    let mut edges = [[Vector3::zeros(); 3]; 9];
     let mut middle = [Vector3::zeros(); 3];
-    for (slot, jacobian) in jacobians.iter_mut().take(8).enumerate() {
+    for (slot, edges) in edges.iter_mut().take(8).enumerate() {
         let (layer, k) = (&layers[slot / 4], slot % 4);
-        let edges = [along_i(layer, k), along_j(layer, k), across(k)];
-        *jacobian = determinant(edges);
+        *edges = [along_i(layer, k), along_j(layer, k), across(k)];
         // In the centre the derivatives are the means of the edges of a direction.
         middle = [middle[0] + edges[0], middle[1] + edges[1], middle[2] + edges[2]];
     }
-    jacobians[8] = determinant(middle.map(|sum| sum / 8.0));
-    jacobians
+    edges[8] = middle.map(|sum| sum / 8.0);
+    edges
 }
 
 /// Jacobians of a wedge's map: three corners at each end, the centre. Signs agree with the cells
@@ -232,6 +211,8 @@ fn wedge_jacobians(shell: Shell<'_>, is_upper: bool, step: EdgeStep) -> [Option<
     jacobians
 }
 
-fn determinant([a, b, c]: [Vector3<f64>; 3]) -> f64 {
+/// Determinant of three columns.
+#[must_use]
+pub fn determinant([a, b, c]: [Vector3<f64>; 3]) -> f64 {
     a.cross(&b).dot(&c)
 }

@@ -64,11 +64,11 @@ pub struct Coverage {
 /// What was repaired before a figure was handed out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Repair {
-    /// Corners of cells that were bad, or nearly so, before.
+    /// Corners and centres of cells that were bad, or nearly so, before.
     pub folds_before: usize,
     /// Nodes with a vector that was turned, or a place that was moved.
     pub moved_nodes: usize,
-    /// Of these, nodes with a vector that was cut short of the surface.
+    /// Nodes with a vector, or crest vector, that ends short of the surface.
     pub shortened_nodes: usize,
 }
 

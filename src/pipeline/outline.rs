@@ -26,6 +26,9 @@ const OUTLINE_SIGMA: f64 = 1.0;
 /// Length of the outline at an end at the least, as a share of the mean width: pointed ends would
 /// squeeze all rows into a point.
 const LEAST_END: f64 = 0.4;
+/// Share of a sheet's area from which its holes are not filled but refused: every seventh node would lie
+/// on nothing.
+pub const HOLES_REFUSED: f64 = 0.15;
 /// Free pixels around the points.
 const PADDING: usize = 12;
 

@@ -6,11 +6,13 @@
 //! where the sheet itself is folded its nodes are moved between their neighbours; what is left
 //! after that is shortened.
 
+use std::collections::BTreeSet;
+
 use nalgebra::{Point2, Point3, Vector2, Vector3};
 
 use super::lattice::Node;
-use super::legality::{Illegal, legality};
-use super::model::{PerSurface, Repair, ring};
+use super::legality::{Illegal, cell_edges, determinant, legality};
+use super::model::{PerSurface, ring};
 use super::params::LatticeSize;
 use super::spokes::Nodes;
 
@@ -50,6 +52,8 @@ pub struct Spread<'a> {
     pub length: &'a dyn Fn(&Node, Vector3<f64>) -> f64,
     /// +1 when the upper spokes and (i, j) make a right-handed frame, else −1.
     pub hand: f64,
+    /// Nodes with a spoke that was turned, or a place that was moved.
+    pub touched: BTreeSet<usize>,
 }
 
 impl Spread<'_> {
@@ -63,22 +67,17 @@ impl Spread<'_> {
         (0..self.medial.len()).map(|n| self.end(side, n)).collect()
     }
 
-    /// Corners of the cell (i, j) on one side that are illegal: in the sheet, at the surface.
+    /// Places of the cell (i, j) on one side that are illegal, or nearly so: corners in the sheet; corners
+    /// at the surface and the centre.
     fn illegal(&self, side: usize, i: usize, j: usize) -> [usize; 2] {
         let quad = [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(di, dj)| (i + di) * self.size.cols + j + dj);
         let sign = if side == 0 { self.hand } else { -self.hand };
-        let medial = quad.map(|n| self.medial[n].position);
-        let skin = quad.map(|n| self.end(side, n));
-        [medial, skin].map(|layer| {
-            (0..4)
-                .filter(|&k| {
-                    let a = layer[2 | (k & 1)] - layer[k & 1];
-                    let b = layer[(k & 2) | 1] - layer[k & 2];
-                    let w = skin[k] - medial[k];
-                    sign * a.cross(&b).dot(&w) <= LEAST * a.norm() * b.norm() * w.norm()
-                })
-                .count()
-        })
+        let edges = cell_edges([quad.map(|n| self.medial[n].position), quad.map(|n| self.end(side, n))]);
+        let is_bad = |e: &&[Vector3<f64>; 3]| {
+            let volume = e.iter().map(Vector3::norm).product::<f64>();
+            sign * determinant(**e) <= LEAST * volume
+        };
+        [&edges[..4], &edges[4..]].map(|places| places.iter().filter(is_bad).count())
     }
 
     /// All illegal corners, and for each node whether it is part of an illegal cell: on the upper,
@@ -102,24 +101,22 @@ impl Spread<'_> {
         (count, marked)
     }
 
-    /// Nodes around a node, itself not included.
-    fn around(&self, n: usize, diagonals: bool) -> impl Iterator<Item = usize> + '_ {
-        let LatticeSize { rows, cols } = self.size;
-        let (i, j) = (n / cols, n % cols);
-        let near = (i.saturating_sub(1)..=(i + 1).min(rows - 1))
-            .flat_map(move |a| (j.saturating_sub(1)..=(j + 1).min(cols - 1)).map(move |b| (a, b)));
-        near.filter(move |&(a, b)| (a, b) != (i, j) && (diagonals || a == i || b == j)).map(move |(a, b)| a * cols + b)
+    /// The mean direction of a side's spokes at a node and around it.
+    fn calmed(&self, side: usize, n: usize) -> Vector3<f64> {
+        let directions = &self.directions[side];
+        let sum = directions[n] + around(self.size, n, true).map(|m| directions[m]).sum::<Vector3<f64>>();
+        sum.try_normalize(1e-9).unwrap_or(directions[n])
     }
 
-    /// Turns, moves and shortens until nothing is illegal, or the rounds are over.
-    pub fn repair(&mut self) -> Repair {
-        let mut done = Repair::default();
-        let mut touched = vec![false; self.medial.len()];
+    /// Turns, moves and shortens until nothing is illegal, or the rounds are over. Returns how many
+    /// places were illegal, or nearly so, before.
+    pub fn repair(&mut self) -> usize {
+        let mut before = 0;
         let mut cut = vec![false; self.medial.len()];
         for round in 0..CUTS_FROM + CUTS {
             let (count, marked) = self.look();
             if round == 0 {
-                done.folds_before = count;
+                before = count;
             }
             if count == 0 {
                 break;
@@ -128,11 +125,11 @@ impl Spread<'_> {
                 self.move_nodes(&marked, round < TURNS + SLIDES);
             }
             for side in 0..2 {
-                let old = self.directions[side].clone();
-                for n in (0..marked.len()).filter(|&n| marked[n][side]) {
-                    let sum = old[n] + self.around(n, true).map(|m| old[m]).sum::<Vector3<f64>>();
-                    self.directions[side][n] = sum.try_normalize(1e-9).unwrap_or(old[n]);
-                    touched[n] = true;
+                let bad: Vec<usize> = (0..marked.len()).filter(|&n| marked[n][side]).collect();
+                let calmed: Vec<Vector3<f64>> = bad.iter().map(|&n| self.calmed(side, n)).collect();
+                for (n, direction) in bad.into_iter().zip(calmed) {
+                    self.directions[side][n] = direction;
+                    self.touched.insert(n);
                     if round < CUTS_FROM {
                         self.lengths[side][n] = (self.length)(&self.medial[n], self.directions[side][n]);
                     } else {
@@ -143,9 +140,7 @@ impl Spread<'_> {
             }
         }
         self.lengthen(&cut);
-        done.moved_nodes = touched.iter().filter(|t| **t).count();
-        done.shortened_nodes = cut.iter().filter(|t| **t).count();
-        done
+        before
     }
 
     /// Draws the spokes of some edge nodes towards those of the nodes around them; with `spread`, the
@@ -163,11 +158,11 @@ impl Spread<'_> {
                 self.medial[n].value = (self.radius_at)(self.medial[n].position);
             }
         }
+        self.touched.extend(nodes);
         for side in 0..2 {
-            let old = self.directions[side].clone();
-            for &n in nodes {
-                let sum = old[n] + self.around(n, true).map(|m| old[m]).sum::<Vector3<f64>>();
-                self.directions[side][n] = sum.try_normalize(1e-9).unwrap_or(old[n]);
+            let calmed: Vec<Vector3<f64>> = nodes.iter().map(|&n| self.calmed(side, n)).collect();
+            for (&n, direction) in nodes.iter().zip(calmed) {
+                self.directions[side][n] = direction;
                 self.lengths[side][n] = (self.length)(&self.medial[n], self.directions[side][n]);
             }
         }
@@ -229,7 +224,7 @@ impl Spread<'_> {
         let old = (self.flat.clone(), self.medial.clone());
         for n in (0..marked.len()).filter(|&n| marked[n][2]) {
             let (mut flat, mut place, mut count) = (old.0[n].coords, old.1[n].position.coords, 1.0);
-            for m in self.around(n, false) {
+            for m in around(self.size, n, false) {
                 flat += old.0[m].coords;
                 place += old.1[m].position.coords;
                 count += 1.0;
@@ -248,30 +243,40 @@ impl Spread<'_> {
     }
 }
 
-/// From the nodes around an edge node to it.
-fn outward(nodes: &Nodes, n: usize) -> Vector3<f64> {
-    let LatticeSize { rows, cols } = nodes.size;
+/// Nodes around a node of a lattice, itself not included.
+fn around(LatticeSize { rows, cols }: LatticeSize, n: usize, diagonals: bool) -> impl Iterator<Item = usize> {
     let (i, j) = (n / cols, n % cols);
     let near = (i.saturating_sub(1)..=(i + 1).min(rows - 1))
-        .flat_map(|a| (j.saturating_sub(1)..=(j + 1).min(cols - 1)).map(move |b| a * cols + b));
-    near.map(|m| nodes.medial[n] - nodes.medial[m]).sum()
+        .flat_map(move |a| (j.saturating_sub(1)..=(j + 1).min(cols - 1)).map(move |b| (a, b)));
+    near.filter(move |&(a, b)| (a, b) != (i, j) && (diagonals || a == i || b == j)).map(move |(a, b)| a * cols + b)
+}
+
+/// From the nodes around an edge node to it.
+fn outward(nodes: &Nodes, n: usize) -> Vector3<f64> {
+    around(nodes.size, n, true).map(|m| nodes.medial[n] - nodes.medial[m]).sum()
+}
+
+/// What was done to a crest, by edge nodes (row-major).
+pub struct Mended {
+    /// Nodes whose crest vector was turned or cut.
+    pub touched: BTreeSet<usize>,
+    /// Nodes whose crest vector was cut short.
+    pub cut: BTreeSet<usize>,
+    /// Nodes of wedges that are still turned over.
+    pub left: Vec<usize>,
 }
 
 /// Turns crest vectors that lean over their neighbours or their spokes, until no wedge is turned
-/// over; what is left after that is shortened. Returns how many were touched.
+/// over; what is left after that is shortened.
 ///
 /// `reach_of` is the distance to the boundary from a place along a direction, if within a reach.
-pub fn mend_crest(
-    nodes: &mut Nodes,
-    reach_of: impl Fn(Point3<f64>, Vector3<f64>, f64) -> Option<f64>,
-) -> (usize, Vec<usize>) {
+pub fn mend_crest(nodes: &mut Nodes, reach_of: impl Fn(Point3<f64>, Vector3<f64>, f64) -> Option<f64>) -> Mended {
     let edge = ring(nodes.size);
     let count = edge.len();
-    let mut touched = vec![false; count];
-    let mut left = Vec::new();
+    let mut mended = Mended { touched: BTreeSet::new(), cut: BTreeSet::new(), left: Vec::new() };
     for round in 0..=TURNS + CUTS {
         let bad: Vec<Illegal> = legality((&*nodes).into()).parts.into_iter().filter(|p| p.part.is_wedge()).collect();
-        left.clear();
+        mended.left.clear();
         if bad.is_empty() {
             break;
         }
@@ -282,7 +287,7 @@ pub fn mend_crest(
             marked[here] = true;
             marked[(here + 1) % count] = true;
         }
-        left.extend((0..count).filter(|&k| marked[k]).map(|k| edge[k]));
+        mended.left.extend((0..count).filter(|&k| marked[k]).map(|k| edge[k]));
         if round == TURNS + CUTS {
             break;
         }
@@ -313,11 +318,14 @@ pub fn mend_crest(
         for (k, point) in turned.into_iter().enumerate() {
             if let Some(point) = point {
                 nodes.crest[k] = point;
-                touched[k] = true;
+                mended.touched.insert(edge[k]);
+                if round >= TURNS {
+                    mended.cut.insert(edge[k]);
+                }
             }
         }
     }
-    (touched.into_iter().filter(|t| *t).count(), left)
+    mended
 }
 
 #[cfg(test)]
@@ -349,13 +357,14 @@ mod tests {
             length: &length,
             // (i, j) = (v, u), upward: left-handed.
             hand: -1.0,
+            touched: BTreeSet::new(),
         }
     }
 
     #[test]
     fn a_legal_lattice_is_left_alone() {
         let mut spread = flat_spread();
-        assert_eq!(spread.repair(), Repair::default());
+        assert_eq!((spread.repair(), spread.touched.len()), (0, 0));
         assert_eq!(spread.ends(0)[7], Point3::new(1.0, 1.0, 2.0));
     }
 
@@ -364,8 +373,7 @@ mod tests {
         let mut spread = flat_spread();
         spread.directions[0][8] = Vector3::new(-1.0, 0.0, 0.6).normalize();
         spread.lengths[0][8] = length(&node_at(Point2::origin()), spread.directions[0][8]);
-        let repair = spread.repair();
-        assert!(repair.folds_before > 0 && repair.shortened_nodes == 0, "{repair:?}");
+        assert!(spread.repair() > 0 && spread.touched.contains(&8));
         assert_eq!(spread.look().0, 0);
         assert!(spread.ends(0).iter().all(|p| (p.z - 2.0).abs() < 1e-9));
         assert_eq!(spread.ends(1)[8], Point3::new(2.0, 1.0, -2.0), "the other side is not touched");
@@ -376,7 +384,7 @@ mod tests {
         let mut spread = flat_spread();
         spread.flat[8].x = 4.5;
         spread.medial[8] = node_at(spread.flat[8]);
-        assert!(spread.repair().folds_before > 0);
+        assert!(spread.repair() > 0);
         assert_eq!(spread.look().0, 0);
         assert!(spread.medial[8].position.x < 3.0);
     }

@@ -32,12 +32,8 @@ const SIGMA: f64 = 3.0;
 pub struct WholeSheet {
     /// The region it covers.
     pub region: Region,
-    /// Plane coordinates of its points.
-    pub flat: Vec<Point2<f64>>,
-    /// Their positions in work space.
-    pub positions: Vec<Point3<f64>>,
-    /// Their radii.
-    pub radii: Vec<f64>,
+    /// Its points, and those on the way to the rim.
+    pub points: SheetPoints,
 }
 
 /// Carries a sheet on to its rim: moves the outline there and adds points up to it.
@@ -49,8 +45,7 @@ pub fn to_rim(
     solid: &Solid,
     depth: &Depth,
 ) -> WholeSheet {
-    let SheetPoints { flat, positions, radii } = points.clone();
-    let mut whole = WholeSheet { region: region.clone(), flat, positions, radii };
+    let mut whole = WholeSheet { region: region.clone(), points: points.clone() };
     let outline = evenly(&region.outline());
     if outline.len() < 8 {
         return whole;
@@ -75,9 +70,9 @@ pub fn to_rim(
         // Points of the sheet's own go as far as the outline.
         let mut walked = START;
         while walked <= walk.length + STEP {
-            whole.flat.push(q + o * (walked - START));
-            whole.positions.push(walk.from + walk.direction * walked);
-            whole.radii.push(walk.radius(walked, depth));
+            whole.points.flat.push(q + o * (walked - START));
+            whole.points.positions.push(walk.from + walk.direction * walked);
+            whole.points.radii.push(walk.radius(walked, depth));
             walked += PITCH;
         }
     }
@@ -147,16 +142,18 @@ impl Walk {
                 count += 1.0;
             }
         }
-        let mean = sum / f64::max(count, 1.0);
-        let near = hinge.iter().map(|h| h - node.position - mean).filter(|v| v.norm() < LOCAL);
+        if count == 0.0 {
+            return None;
+        }
+        let way = sum / count;
+        let near = hinge.iter().map(|h| h - node.position - way).filter(|v| v.norm() < LOCAL);
         let spread: Matrix3<f64> = near.map(|v| v * v.transpose()).sum();
         let eigen = SymmetricEigen::new(spread);
         if eigen.eigenvectors.column(eigen.eigenvalues.imax()).dot(&direction).abs() > ALONG {
             return None;
         }
-        let way = sum / f64::max(count, 1.0);
         let length = way.dot(&direction);
-        if count == 0.0 || length <= 0.0 {
+        if length <= 0.0 {
             return None;
         }
         let met = depth.at(node.position + way);

@@ -72,10 +72,7 @@ pub struct Hinge {
 /// Splits a medial surface into single sheets and prunes those without evidence.
 #[must_use]
 pub fn sheets(surface: &MedialSurface, depth: &Depth, prune: Prune, max_figures: Option<usize>) -> Sheets {
-    let threshold = match prune {
-        Prune::Auto => AUTO_LOSS,
-        Prune::Strength(s) => s * s / (1.0 - s * s),
-    };
+    let threshold = loss_needed(prune);
     let mut label = linked_components(surface);
     hand_over_rest(surface, &mut label);
     join_across_pairs(surface, &mut label);
@@ -87,6 +84,15 @@ pub fn sheets(surface: &MedialSurface, depth: &Depth, prune: Prune, max_figures:
     }
     trim_edges(surface, &mut label);
     in_order_of_size(surface, &label, pruned)
+}
+
+/// Share of the object's volume that would be lost without a sheet, for it to be kept.
+#[must_use]
+pub fn loss_needed(prune: Prune) -> f64 {
+    match prune {
+        Prune::Auto => AUTO_LOSS,
+        Prune::Strength(s) => s * s / (1.0 - s * s),
+    }
 }
 
 /// The strength of pruning that is used. A sheet needs a loss of s²/(1 − s²): none at 0, more than

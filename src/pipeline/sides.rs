@@ -138,11 +138,7 @@ fn one_piece(solid: &Solid, depth: &Depth, class: &[(u32, u32)]) -> Side {
 /// Whether a sheet (ascending medial points) has two sides.
 #[must_use]
 pub fn is_orientable(surface: &MedialSurface, members: &[u32]) -> bool {
-    let medial = surface.part(members);
-    let mut normals: Vec<Vector3<f64>> = members.iter().map(|&p| surface.points[p as usize].normal).collect();
-    propagate(&medial, &mut normals);
-    let is_sure = |k: usize| surface.points[members[k] as usize].feet_cosine < SURE_FEET_COSINE;
-    check_orientable(&medial, &normals, is_sure).is_ok()
+    oriented_normals(surface, members, &surface.part(members)).is_ok()
 }
 
 /// Normals of a sheet's points, consistent along the sheet and smoothed over touching points.

@@ -20,7 +20,7 @@ use super::model::{
     Figure, FlatPoints, Junction, PerSurface, Repair, StageTimings, Structure, StructureQuality, TriangleMesh, Verdict,
 };
 use super::observer::{Cancelled, Observer, Stage, Warning};
-use super::outline::Region;
+use super::outline::{HOLES_REFUSED, Region};
 use super::params::CheckedParams;
 use super::params::Correspondence;
 use super::perturb::perturbed;
@@ -45,8 +45,6 @@ const TUBE_WIDTH: f64 = 0.8;
 /// Share of a sheet's area that holes may take before it is said that they were filled: gaps of a
 /// voxel or two in a skeleton are no holes of the organ.
 const HOLES_SAID: f64 = 0.02;
-/// Share from which they are not filled but refused: every seventh node would lie on nothing.
-pub const HOLES_REFUSED: f64 = 0.15;
 
 /// One label and what is asked of it.
 #[derive(Clone, Copy)]
