@@ -1,5 +1,9 @@
 //! Separable Gaussian smoothing.
 
+use std::collections::VecDeque;
+
+use rayon::prelude::*;
+
 use crate::space::Grid;
 
 /// Where the kernel is cut, in standard deviations. At 3 what is left out is 0.3 %.
@@ -7,9 +11,16 @@ const CUT_SIGMAS: f64 = 3.0;
 
 /// Convolves with a Gaussian of `sigma` voxels along each axis; the edge value goes on outside.
 pub fn gaussian(grid: &mut Grid<f32>, sigma: [f64; 3]) {
-    for (axis, sigma) in sigma.into_iter().enumerate() {
-        if sigma > 0.0 {
-            along(grid, axis, &kernel(sigma));
+    let width = grid.dims()[0];
+    if sigma[0] > 0.0 && width > 0 {
+        let kernel = kernel(sigma[0]);
+        let rows = grid.as_mut_slice().par_chunks_mut(width).with_min_len(64);
+        rows.for_each_init(Vec::new, |scratch, row| along_row(row, &kernel, scratch));
+    }
+    for axis in [1, 2] {
+        if sigma[axis] > 0.0 {
+            let kernel = kernel(sigma[axis]);
+            grid.rows_across(axis).into_par_iter().for_each(|mut rows| across_rows(&mut rows, &kernel));
         }
     }
 }
@@ -23,24 +34,44 @@ fn kernel(sigma: f64) -> Vec<f32> {
     raw.iter().map(|w| (w / sum) as f32).collect()
 }
 
-/// One axis. Works on whole planes of the faster axes at a time, so that memory is read in order.
-fn along(grid: &mut Grid<f32>, axis: usize, kernel: &[f32]) {
-    let dims = grid.dims();
-    let stride: usize = dims[..axis].iter().product();
-    let count = dims[axis];
-    let block = stride * count;
-    let mut out = vec![0.0f32; block];
-    for slab in grid.as_mut_slice().chunks_exact_mut(block) {
-        for x in 0..count {
-            let row = &mut out[x * stride..(x + 1) * stride];
-            add_scaled(row, &slab[x * stride..(x + 1) * stride], kernel[0], true);
-            for (k, &w) in kernel.iter().enumerate().skip(1) {
-                let (a, b) = (x.saturating_sub(k), (x + k).min(count - 1));
-                add_scaled(row, &slab[a * stride..(a + 1) * stride], w, false);
-                add_scaled(row, &slab[b * stride..(b + 1) * stride], w, false);
-            }
+/// Along one row; `scratch` takes a copy of it with its edge values going on.
+fn along_row(row: &mut [f32], kernel: &[f32], scratch: &mut Vec<f32>) {
+    let (first, last, reach) = (row[0], row[row.len() - 1], kernel.len() - 1);
+    scratch.clear();
+    scratch.resize(reach, first);
+    scratch.extend_from_slice(row);
+    scratch.resize(row.len() + 2 * reach, last);
+    let from = |place: usize| &scratch[place..];
+    add_scaled(row, from(reach), kernel[0], true);
+    for (k, &w) in kernel.iter().enumerate().skip(1) {
+        add_scaled(row, from(reach - k), w, false);
+        add_scaled(row, from(reach + k), w, false);
+    }
+}
+
+/// Along the lines that run across rows. The rows behind are overwritten: the last few are kept.
+fn across_rows(rows: &mut [&mut [f32]], kernel: &[f32]) {
+    let (count, reach) = (rows.len(), kernel.len() - 1);
+    let mut behind: VecDeque<Vec<f32>> = VecDeque::new();
+    let mut spare = Vec::new();
+    for x in 0..count {
+        let mut own: Vec<f32> = std::mem::take(&mut spare);
+        own.clear();
+        own.extend_from_slice(rows[x]);
+        behind.push_back(own);
+        // The originals of rows x − reach to x, as far as there are such.
+        let original = |row: usize| &behind[behind.len() - 1 - (x - row)];
+        let (done, ahead) = rows.split_at_mut(x + 1);
+        let out = &mut *done[x];
+        add_scaled(out, original(x), kernel[0], true);
+        for (k, &w) in kernel.iter().enumerate().skip(1) {
+            add_scaled(out, original(x.saturating_sub(k)), w, false);
+            let next = (x + k).min(count - 1);
+            add_scaled(out, if next == x { original(x) } else { &*ahead[next - x - 1] }, w, false);
         }
-        slab.copy_from_slice(&out);
+        if behind.len() > reach {
+            spare = behind.pop_front().unwrap_or_default();
+        }
     }
 }
 

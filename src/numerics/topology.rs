@@ -4,6 +4,8 @@
 //!
 //! A neighbourhood is 27 bits: bit `(dx+1) + 3(dy+1) + 9(dz+1)`, bit 13 the centre.
 
+use rayon::prelude::*;
+
 use crate::space::Grid;
 
 /// The centre's bit number.
@@ -11,16 +13,16 @@ pub const CENTRE: u32 = 13;
 
 const TABLES: Tables = Tables::new();
 
-/// Neighbourhood of the voxel at `offset` of a grid with row stride `nx` and plane stride `nxy`;
-/// the voxel must not lie on the grid's edge.
+/// Neighbourhood of the voxel at `offset` of a grid of bytes whose lowest bit says whether a voxel is
+/// in the set, with row stride `nx` and plane stride `nxy`; the voxel must not lie on the grid's edge.
 #[must_use]
-pub fn neighborhood(inside: &[bool], offset: usize, nx: usize, nxy: usize) -> u32 {
+pub fn neighborhood(cells: &[u8], offset: usize, nx: usize, nxy: usize) -> u32 {
     let mut bits = 0;
     let mut bit = 0;
     for z in [offset - nxy, offset, offset + nxy] {
         for y in [z - nx, z, z + nx] {
-            for x in [y - 1, y, y + 1] {
-                bits |= u32::from(inside[x]) << bit;
+            for cell in &cells[y - 1..y + 2] {
+                bits |= u32::from(cell & 1) << bit;
                 bit += 1;
             }
         }
@@ -160,26 +162,51 @@ const fn norm_max(d: [i32; 3]) -> i32 {
 /// neighbours): corners − edges + faces − voxels of their union.
 #[must_use]
 pub fn euler_number(set: &Grid<bool>) -> i64 {
-    /// A corner is shared by the voxels 0 or 1 back along each axis, an edge along two, a face along
-    /// one: bits of the axes, and the sign that the cell counts with.
-    const CELLS: [(usize, i64); 8] = [(7, 1), (6, -1), (5, -1), (3, -1), (1, 1), (2, 1), (4, 1), (0, -1)];
+    let shares = euler_shares();
     let [nx, ny, nz] = set.dims();
-    let has = |at: [usize; 3], back: usize| {
-        let from = [0, 1, 2].map(|a| at[a].checked_sub(back >> a & 1));
-        matches!(from, [Some(i), Some(j), Some(k)] if i < nx && j < ny && k < nz && set[[i, j, k]])
-    };
-    let mut sum = 0;
-    for (k, j, i) in (0..=nz).flat_map(|k| (0..=ny).flat_map(move |j| (0..=nx).map(move |i| (k, j, i)))) {
-        let around: u8 = (0..8).filter(|&back| has([i, j, k], back)).fold(0, |bits, back| bits | 1 << back);
-        // Nothing, or a voxel amid others: 1 − 3 + 3 − 1.
-        if around != 0 && around != u8::MAX {
-            for (axes, sign) in CELLS {
-                let touches = (0..8).any(|back| back & axes == back && around >> back & 1 == 1);
-                sum += if touches { sign } else { 0 };
+    let row = |j: usize, k: usize| &set.as_slice()[nx * (j + ny * k)..nx * (j + ny * k + 1)];
+    let of_plane = |k: usize| {
+        let mut sum = 0;
+        for j in 0..=ny {
+            // The four rows that meet along the grid line of these corners.
+            let back = [0u8, 1, 2, 3].map(|b| (j.checked_sub(usize::from(b & 1)), k.checked_sub(usize::from(b >> 1))));
+            let rows = back.map(|at| match at {
+                (Some(j), Some(k)) if j < ny && k < nz => row(j, k),
+                _ => &[],
+            });
+            if rows.iter().any(|row| row.contains(&true)) {
+                sum += along_corners(rows, nx, &shares);
             }
         }
+        sum
+    };
+    (0..=nz).into_par_iter().map(of_plane).sum()
+}
+
+/// Sum over the corners along four rows, each empty or `nx` long.
+fn along_corners(rows: [&[bool]; 4], nx: usize, shares: &[i64; 256]) -> i64 {
+    let mut around = 0usize;
+    let mut sum = 0;
+    for i in 0..=nx {
+        // Bit 2b: the voxel of row b at the corner; bit 2b + 1: the one before it.
+        around = around << 1 & 0b1010_1010;
+        for (b, row) in rows.iter().enumerate() {
+            around |= usize::from(row.get(i).copied().unwrap_or(false)) << (2 * b);
+        }
+        sum += shares[around];
     }
     sum
+}
+
+/// What a corner adds for each set of the eight voxels around it: a corner is shared by the voxels 0
+/// or 1 back along each axis, an edge along two, a face along one.
+fn euler_shares() -> [i64; 256] {
+    /// Bits of the axes, and the sign that the cell counts with.
+    const CELLS: [(usize, i64); 8] = [(7, 1), (6, -1), (5, -1), (3, -1), (1, 1), (2, 1), (4, 1), (0, -1)];
+    std::array::from_fn(|around| {
+        let touches = |axes: usize| (0..8).any(|back| back & axes == back && around >> back & 1 == 1);
+        CELLS.iter().filter(|(axes, _)| touches(*axes)).map(|(_, sign)| sign).sum()
+    })
 }
 
 #[cfg(test)]

@@ -2,10 +2,11 @@
 //! below it.
 
 use nalgebra::{Point3, Vector3};
+use rayon::prelude::*;
 
-use crate::numerics::components::{Connectivity, neighbors};
-use crate::numerics::distance::nearest_seed;
-use crate::numerics::field::{Field, floor_index, id};
+use crate::numerics::components::boundary_voxels;
+use crate::numerics::distance::{NO_SEED, Nearest, nearest_seed_within};
+use crate::numerics::field::{Field, floor_index};
 use crate::space::Grid;
 
 use super::mask::Solid;
@@ -35,7 +36,7 @@ pub struct Depth {
     pub skin_voxels: Vec<usize>,
     /// Depth below the skin, voxels; 0 outside.
     pub depth: Grid<f32>,
-    /// Index of the nearest skin point; meaningful inside only.
+    /// Index of the nearest skin point; [`NO_SEED`] outside.
     pub nearest: Grid<u32>,
 }
 
@@ -52,6 +53,13 @@ impl SkinPoint {
 }
 
 impl Depth {
+    /// The skin point of a boundary voxel; `None` of any other voxel.
+    #[must_use]
+    pub fn skin_at(&self, voxel: usize) -> Option<u32> {
+        let nearest = self.nearest.as_slice()[voxel];
+        (nearest != NO_SEED && self.skin_voxels[nearest as usize] == voxel).then_some(nearest)
+    }
+
     /// Depth of a place below the skin, voxels: the least distance of the skin points nearest to
     /// the voxels around it. 0 outside.
     #[must_use]
@@ -72,30 +80,20 @@ impl Depth {
 /// Skin points and depths of a solid.
 #[must_use]
 pub fn depth(solid: &Solid) -> Depth {
-    let dims = solid.inside.dims();
-    let inside = solid.inside.as_slice();
-    let mut skin_of = vec![u32::MAX; inside.len()];
-    let (mut skin, mut skin_voxels) = (Vec::new(), Vec::new());
-    for offset in (0..inside.len()).filter(|&o| inside[o]) {
-        let mut is_boundary = false;
-        neighbors(dims, offset, Connectivity::Faces6, |n| is_boundary |= !inside[n]);
-        if is_boundary {
-            skin_of[offset] = id(skin.len());
-            skin.push(skin_point(&solid.level, solid.inside.index(offset)));
-            skin_voxels.push(offset);
+    let skin_voxels = boundary_voxels(&solid.inside, true);
+    let point_of = |&offset: &usize| skin_point(&solid.level, solid.inside.index(offset));
+    let skin: Vec<SkinPoint> = skin_voxels.par_iter().map(point_of).collect();
+    let Nearest { squared: mut depth, seed: nearest } = nearest_seed_within(&solid.inside, &skin_voxels);
+    let [nx, ny, _] = solid.inside.dims();
+    let rows = depth.as_mut_slice().par_chunks_mut(nx).zip(nearest.as_slice().par_chunks(nx));
+    rows.enumerate().with_min_len(16).for_each(|(row, (depth, nearest))| {
+        let (j, k) = ((row % ny) as f64, (row / ny) as f64);
+        for (i, (depth, &point)) in depth.iter_mut().zip(nearest).enumerate() {
+            #[expect(clippy::cast_possible_truncation, reason = "the grid is f32")]
+            let below = |point: u32| skin[point as usize].distance(Point3::new(i as f64, j, k)) as f32;
+            *depth = if point == NO_SEED { 0.0 } else { below(point) };
         }
-    }
-    let found = nearest_seed(dims, [1.0; 3], |o| skin_of[o] != u32::MAX);
-    let mut nearest = found.seed;
-    let mut depth = found.squared;
-    for offset in 0..inside.len() {
-        let point = skin_of[nearest.as_slice()[offset] as usize];
-        nearest.as_mut_slice()[offset] = point;
-        let at = Point3::from(solid.inside.index(offset).map(|x| x as f64));
-        #[expect(clippy::cast_possible_truncation, reason = "the grid is f32")]
-        let below = if inside[offset] { skin[point as usize].distance(at) as f32 } else { 0.0 };
-        depth.as_mut_slice()[offset] = below;
-    }
+    });
     Depth { skin, skin_voxels, depth, nearest }
 }
 

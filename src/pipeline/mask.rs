@@ -5,8 +5,9 @@
 //! computed there.
 
 use nalgebra::{Matrix3, Point3, Vector3};
+use rayon::prelude::*;
 
-use crate::numerics::components::{Components, Connectivity, components};
+use crate::numerics::components::{Connectivity, boundary_voxels, components};
 use crate::numerics::distance::nearest_seed;
 use crate::numerics::field::{Field, floor_index};
 use crate::numerics::smooth::gaussian;
@@ -107,13 +108,13 @@ pub fn solid(
     warnings: &mut Vec<Warning>,
 ) -> Result<Solid, Refusal> {
     warn_if_cut(volume, index, bounds, warnings);
-    let mut native = along_world(crop(volume, index, bounds));
+    let mut native = cut_out(volume, index, bounds);
     let plan = WorkingGrid::plan(&native, resolution_mm);
     plan.check_size()?;
     native.mask = clean(native.mask, warnings);
     let (mask, mut soft) = if plan.is_native { embed(&native.mask, &plan) } else { resample(&native, &plan) };
     gaussian(&mut soft, [BOUNDARY_SIGMA; 3]);
-    soft.as_mut_slice().iter_mut().for_each(|v| *v -= 0.5);
+    soft.as_mut_slice().par_iter_mut().for_each(|v| *v -= 0.5);
     let inside = keep_one_piece(&mut soft);
     if !inside.as_slice().contains(&true) {
         return Err(too_thin(&mask, plan.voxel_mm));
@@ -129,8 +130,9 @@ pub fn solid(
 }
 
 fn too_thin(mask: &Grid<bool>, voxel_mm: f64) -> Refusal {
-    let depth = nearest_seed(mask.dims(), [1.0; 3], |o| !mask.as_slice()[o]);
-    let deepest = depth.squared.as_slice().iter().fold(0.0f32, |a, b| a.max(*b)).sqrt();
+    let outward = nearest_seed(mask.dims(), [1.0; 3], &boundary_voxels(mask, false)).squared;
+    let depths = outward.as_slice().iter().zip(mask.as_slice()).filter(|(_, is_inside)| **is_inside);
+    let deepest = depths.fold(0.0f32, |a, (b, _)| a.max(*b)).sqrt();
     let voxels = 2.0 * f64::from(deepest) - 1.0;
     Refusal::TooThin { thickness_mm: voxels * voxel_mm, voxels, voxel_mm, resolution_mm: voxel_mm * voxels / 4.0 }
 }
@@ -158,47 +160,51 @@ fn warn_if_cut(volume: &LabelVolume, index: u16, bounds: LabelBox, warnings: &mu
     }
 }
 
-/// A label's box with one free voxel all around.
-fn crop(volume: &LabelVolume, index: u16, bounds: LabelBox) -> NativeMask {
-    let size: [usize; 3] = std::array::from_fn(|a| bounds.high[a] - bounds.low[a] + 1);
-    let mut out = Grid::filled(size.map(|n| n + 2), false);
-    for k in 0..size[2] {
-        for j in 0..size[1] {
-            let from = volume.indices.offset([bounds.low[0], bounds.low[1] + j, bounds.low[2] + k]);
-            let to = out.offset([1, j + 1, k + 1]);
-            let row = &volume.indices.as_slice()[from..from + size[0]];
-            out.as_mut_slice()[to..to + size[0]].iter_mut().zip(row).for_each(|(o, v)| *o = *v == index);
-        }
-    }
+/// A label's box with one free voxel all around, its axes permuted and reversed so that they run
+/// towards right, anterior and superior as nearly as they can. What follows breaks ties by the order
+/// of voxels: this makes it the world's order, not that of the file.
+fn cut_out(volume: &LabelVolume, index: u16, bounds: LabelBox) -> NativeMask {
     let first = Vector3::from_fn(|a, _| bounds.low[a] as f64 - 1.0);
-    NativeMask { mask: out, world_from_voxel: volume.world_from_voxel.shifted_to(first) }
-}
-
-/// The same voxels with their axes permuted and reversed so that they run towards right, anterior
-/// and superior as nearly as they can. What follows breaks ties by the order of voxels: this makes
-/// it the world's order, not that of the file.
-fn along_world(native: NativeMask) -> NativeMask {
-    let axes = nearest_axes(&native.world_from_voxel);
-    let old = native.mask.dims();
-    let dims = axes.map(|(axis, _)| old[axis]);
+    let world_from_crop = volume.world_from_voxel.shifted_to(first);
+    let axes = nearest_axes(&world_from_crop);
+    let size: [usize; 3] = std::array::from_fn(|a| bounds.high[a] - bounds.low[a] + 3);
+    let dims = axes.map(|(axis, _)| size[axis]);
     let mut mask = Grid::filled(dims, false);
-    for offset in 0..mask.as_slice().len() {
-        let at = mask.index(offset);
+    let [width, height, _] = dims;
+    // The voxel of the volume at a place of the mask that is not on its edge.
+    let source = |at: [usize; 3]| {
         let mut from = [0; 3];
         for ((axis, is_reversed), x) in axes.into_iter().zip(at) {
-            from[axis] = if is_reversed { old[axis] - 1 - x } else { x };
+            from[axis] = bounds.low[axis] + if is_reversed { size[axis] - 2 - x } else { x - 1 };
         }
-        mask.as_mut_slice()[offset] = native.mask[from];
-    }
-    let rows = native.world_from_voxel.rows();
+        volume.indices.offset(from)
+    };
+    let inner = |n: usize, length: usize| n > 0 && n + 1 < length;
+    mask.as_mut_slice().par_chunks_mut(width).enumerate().with_min_len(64).for_each(|(row, out)| {
+        let (j, k) = (row % height, row / height);
+        if !inner(j, height) || !inner(k, dims[2]) {
+            return;
+        }
+        let (from, to) = (source([1, j, k]), source([width - 2, j, k]));
+        let step = from.abs_diff(to) / (width - 3).max(1);
+        for (n, cell) in out[1..width - 1].iter_mut().enumerate() {
+            let offset = if from <= to { from + n * step } else { from - n * step };
+            *cell = volume.indices.as_slice()[offset] == index;
+        }
+    });
+    NativeMask { mask, world_from_voxel: permuted(&world_from_crop, axes, size) }
+}
+
+/// The map of voxels whose axes were permuted and reversed.
+fn permuted(world_from_voxel: &WorldFromVoxel, axes: [(usize, bool); 3], size: [usize; 3]) -> WorldFromVoxel {
+    let rows = world_from_voxel.rows();
     let rows = std::array::from_fn(|r| {
         let column = |(axis, is_reversed): (usize, bool)| if is_reversed { -rows[r][axis] } else { rows[r][axis] };
-        let start = |(axis, is_reversed): (usize, bool)| if is_reversed { (old[axis] - 1) as f64 } else { 0.0 };
+        let start = |(axis, is_reversed): (usize, bool)| if is_reversed { (size[axis] - 1) as f64 } else { 0.0 };
         let origin = axes.iter().fold(rows[r][3], |sum, &a| sum + rows[r][a.0] * start(a));
         [column(axes[0]), column(axes[1]), column(axes[2]), origin]
     });
-    let world_from_voxel = WorldFromVoxel::from_rows(rows).expect("permuted and reversed axes still span space");
-    NativeMask { mask, world_from_voxel }
+    WorldFromVoxel::from_rows(rows).expect("permuted and reversed axes still span space")
 }
 
 /// For each axis of the world the voxel axis that follows it, and whether that one runs against it.
@@ -232,16 +238,14 @@ fn nearest_axes(world_from_voxel: &WorldFromVoxel) -> [(usize, bool); 3] {
 
 /// The largest part without cavities.
 fn clean(mut mask: Grid<bool>, warnings: &mut Vec<Warning>) -> Grid<bool> {
-    let parts = components(mask.dims(), Connectivity::Corners26, |o| mask.as_slice()[o]);
-    let largest = parts.largest();
+    let parts = components(&mask, true, Connectivity::Corners26);
     let size = parts.sizes.iter().max().copied().unwrap_or(0);
-    let dropped = parts.sizes.iter().sum::<usize>() - size;
+    let dropped = parts.set_all_but(parts.largest(), &mut mask, false);
     if dropped > 0 {
         let big = parts.sizes.iter().filter(|s| **s as f64 >= PART_SHARE * size as f64).count();
         let code = if big > 1 { "several_parts" } else { "stray_voxels_dropped" };
         let message = format!("kept the largest of {} parts; {dropped} voxels were dropped", parts.sizes.len());
         warnings.push(Warning { code, message });
-        keep(&mut mask, &parts, largest);
     }
     let filled = fill_cavities(&mut mask);
     if filled > 0 {
@@ -251,23 +255,10 @@ fn clean(mut mask: Grid<bool>, warnings: &mut Vec<Warning>) -> Grid<bool> {
     mask
 }
 
-fn keep(mask: &mut Grid<bool>, parts: &Components, number: Option<u32>) {
-    let labels = parts.labels.as_slice();
-    mask.as_mut_slice().iter_mut().zip(labels).for_each(|(m, l)| *m = Some(*l) == number);
-}
-
 /// Fills background that is not joined by faces to the grid's first voxel, which is free.
 fn fill_cavities(mask: &mut Grid<bool>) -> usize {
-    let outside = components(mask.dims(), Connectivity::Faces6, |o| !mask.as_slice()[o]);
-    let open = outside.labels.as_slice()[0];
-    let mut filled = 0;
-    for (m, l) in mask.as_mut_slice().iter_mut().zip(outside.labels.as_slice()) {
-        if *l != 0 && *l != open {
-            *m = true;
-            filled += 1;
-        }
-    }
-    filled
+    let background = components(mask, false, Connectivity::Faces6);
+    background.set_all_but(background.of_first_voxel(), mask, true)
 }
 
 /// The inside of the smoothed boundary, reduced to its largest part without cavities. The level
@@ -275,16 +266,15 @@ fn fill_cavities(mask: &mut Grid<bool>) -> usize {
 pub(super) fn keep_one_piece(level: &mut Grid<f32>) -> Grid<bool> {
     /// Level given to voxels that change sides: what half a voxel of depth has.
     const DECIDED: f32 = 0.2;
-    let raw: Vec<bool> = level.as_slice().iter().map(|v| *v > 0.0).collect();
+    let raw: Vec<bool> = level.as_slice().par_iter().map(|v| *v > 0.0).collect();
     let mut inside = Grid::from_vec(level.dims(), raw).expect("as many voxels as the level has");
-    let parts = components(inside.dims(), Connectivity::Corners26, |o| inside.as_slice()[o]);
-    if parts.sizes.len() > 1 {
-        keep(&mut inside, &parts, parts.largest());
-    }
-    fill_cavities(&mut inside);
-    for (v, m) in level.as_mut_slice().iter_mut().zip(inside.as_slice()) {
-        if *m != (*v > 0.0) {
-            *v = if *m { DECIDED } else { -DECIDED };
+    let parts = components(&inside, true, Connectivity::Corners26);
+    let dropped = parts.set_all_but(parts.largest(), &mut inside, false);
+    if dropped + fill_cavities(&mut inside) > 0 {
+        for (v, m) in level.as_mut_slice().iter_mut().zip(inside.as_slice()) {
+            if *m != (*v > 0.0) {
+                *v = if *m { DECIDED } else { -DECIDED };
+            }
         }
     }
     inside
@@ -372,39 +362,35 @@ fn embed(native: &Grid<bool>, plan: &WorkingGrid) -> (Grid<bool>, Grid<f32>) {
             mask.as_mut_slice()[to..to + nx].copy_from_slice(&native.as_slice()[from..from + nx]);
         }
     }
-    let soft = mask.as_slice().iter().map(|m| f32::from(u8::from(*m))).collect();
-    let soft = Grid::from_vec(plan.dims, soft).expect("as many voxels as the mask has");
+    let soft = mask.map(|m| f32::from(u8::from(*m)));
     (mask, soft)
 }
 
 /// Shape-based interpolation (Raya, Udupa, IEEE TMI 9, 1990): the signed distance is read between
 /// the voxels and made a mask again, with soft edges.
 fn resample(native: &NativeMask, plan: &WorkingGrid) -> (Grid<bool>, Grid<f32>) {
-    /// Half-way between two voxels the distance is 0 but for rounding, which is to decide nothing.
-    const ZERO: f64 = 1e-6;
+    /// Half-way between two voxels the share is this but for rounding, which is to decide nothing.
+    const HALF: f32 = 0.500_001;
     let signed = signed_distance_mm(&native.mask, native.world_from_voxel.spacing_mm());
     let (crop_mm, _) = at_origin(&native.world_from_voxel);
-    let mut mask = Grid::filled(plan.dims, false);
-    let mut soft = Grid::filled(plan.dims, 0.0f32);
-    for offset in 0..mask.as_slice().len() {
-        let at = mask.index(offset).map(|x| x as f64);
-        let crop = crop_mm.voxel(plan.centred.point(Point3::from(at)));
-        let distance = cubic(&signed, crop) / plan.voxel_mm;
-        mask.as_mut_slice()[offset] = distance > ZERO;
+    let soft = Grid::of(plan.dims, |at| {
+        let crop = crop_mm.voxel(plan.centred.point(Point3::from(at.map(|x| x as f64))));
         #[expect(clippy::cast_possible_truncation, reason = "the grid is f32")]
-        let share = (0.5 + distance).clamp(0.0, 1.0) as f32;
-        soft.as_mut_slice()[offset] = share;
-    }
-    (mask, soft)
+        let share = (0.5 + cubic(&signed, crop) / plan.voxel_mm).clamp(0.0, 1.0) as f32;
+        share
+    });
+    (soft.map(|share| *share > HALF), soft)
 }
 
 /// Signed distance to the voxel boundary, positive inside: half the distance to the nearest
 /// outside voxel centre less that to the nearest inside one.
 fn signed_distance_mm(mask: &Grid<bool>, spacing_mm: [f64; 3]) -> Grid<f32> {
-    let outward = nearest_seed(mask.dims(), spacing_mm, |o| !mask.as_slice()[o]).squared;
-    let mut inward = nearest_seed(mask.dims(), spacing_mm, |o| mask.as_slice()[o]).squared;
-    inward.as_mut_slice().iter_mut().zip(outward.as_slice()).for_each(|(i, o)| *i = (o.sqrt() - i.sqrt()) / 2.0);
-    inward
+    let to = |value: bool| nearest_seed(mask.dims(), spacing_mm, &boundary_voxels(mask, value)).squared;
+    let mut signed = to(false);
+    let inward = to(true);
+    let values = signed.as_mut_slice().par_iter_mut().zip(inward.as_slice()).zip(mask.as_slice());
+    values.for_each(|((o, i), is_inside)| *o = if *is_inside { o.sqrt() } else { -i.sqrt() } / 2.0);
+    signed
 }
 
 /// Catmull-Rom interpolation along each axis; the edge goes on outside.

@@ -16,9 +16,10 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use nalgebra::{Point3, Vector3};
+use rayon::prelude::*;
 
 use crate::numerics::components::{Connectivity, neighbors};
-use crate::numerics::field::id;
+use crate::numerics::field::{floor_index, id};
 use crate::numerics::topology::{is_simple, is_surface_end, neighborhood};
 use crate::space::Grid;
 
@@ -81,153 +82,223 @@ impl MedialSurface {
 /// # Errors
 /// When the observer asks to stop.
 pub fn medial_surface(solid: &Solid, depth: &Depth, observer: &dyn Observer) -> Result<MedialSurface, Cancelled> {
-    let is_medial = medial_voxels(solid, depth);
-    let thinned = thin(&solid.inside, depth, &is_medial, observer)?;
-    Ok(surface_of(&thinned, depth))
+    let medial = medial_voxels(solid, depth);
+    let left = thin(&solid.inside, depth, &medial, observer)?;
+    Ok(surface_of(&left, depth))
 }
 
 /// Voxels between two far feet.
-fn medial_voxels(solid: &Solid, depth: &Depth) -> Vec<bool> {
+fn medial_voxels(solid: &Solid, depth: &Depth) -> Vec<usize> {
     let inside = solid.inside.as_slice();
     let [nx, ny, _] = solid.inside.dims();
-    let mut is_medial = vec![false; inside.len()];
-    for offset in 0..inside.len() {
-        if !inside[offset] {
-            continue;
-        }
-        let at = Point3::from(solid.inside.index(offset).map(|x| x as f64));
-        for (axis, stride) in [1, nx, nx * ny].into_iter().enumerate() {
-            let next = offset + stride;
-            let (a, b) = (depth.nearest.as_slice()[offset], depth.nearest.as_slice()[next]);
-            if !inside[next] || a == b {
+    let nearest = depth.nearest.as_slice();
+    let of_row = |row: usize| {
+        let mut found = Vec::new();
+        for i in 0..nx {
+            let offset = row * nx + i;
+            if !inside[offset] {
                 continue;
             }
-            let mut between = at;
-            between[axis] += 0.5;
-            let a = depth.skin[a as usize].position - between;
-            let b = depth.skin[b as usize].position - between;
-            let wide = a.dot(&b) < FEET_COSINE * a.norm() * b.norm();
-            if wide && (a - b).norm_squared() >= MIN_CHORD * MIN_CHORD {
-                // Of the two, the one nearer to the bisector of the feet; the first of equals, so
-                // that the middle of an even thickness is one layer, not a mixture of two.
-                let is_beyond = b.norm() - a.norm() > TIE;
-                is_medial[if is_beyond { next } else { offset }] = true;
+            for (axis, stride) in [1, nx, nx * ny].into_iter().enumerate() {
+                let next = offset + stride;
+                let (a, b) = (nearest[offset], nearest[next]);
+                if a == b || !inside[next] {
+                    continue;
+                }
+                let mut between = Point3::new(i as f64, (row % ny) as f64, (row / ny) as f64);
+                between[axis] += 0.5;
+                let a = depth.skin[a as usize].position - between;
+                let b = depth.skin[b as usize].position - between;
+                let wide = a.dot(&b) < FEET_COSINE * a.norm() * b.norm();
+                if wide && (a - b).norm_squared() >= MIN_CHORD * MIN_CHORD {
+                    // Of the two, the one nearer to the bisector of the feet; the first of equals,
+                    // so that the middle of an even thickness is one layer, not a mixture of two.
+                    let is_beyond = b.norm() - a.norm() > TIE;
+                    found.push(if is_beyond { next } else { offset });
+                }
             }
         }
-    }
-    is_medial
+        found
+    };
+    (0..inside.len() / nx).into_par_iter().with_min_len(16).flat_map_iter(of_row).collect()
 }
 
 /// The rank of a depth in the order of thinning. Depths are compared in steps: in a sheet of even
 /// thickness two layers are equally deep but for rounding, and taking from both by turns would
 /// leave them corrugated. The offset, which breaks ties, takes one whole layer first.
-fn rank(depth: f32) -> u32 {
+fn rank(depth: f32) -> usize {
     /// Steps per voxel, and a phase that keeps whole and half depths off the borders.
     const STEPS: f32 = 16.0;
     const PHASE: f32 = 0.37;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "depths are small and not negative")]
-    let rank = (depth * STEPS + PHASE) as u32;
-    rank
+    floor_index(f64::from(depth * STEPS + PHASE))
 }
 
-/// Takes simple voxels away in the order of their depth.
+/// What thinning knows of a voxel, as bits of a byte.
+mod state {
+    /// It is not yet taken away.
+    pub const LEFT: u8 = 1;
+    /// It waits in the queue.
+    pub const QUEUED: u8 = 2;
+    /// It is medial and stays.
+    pub const MEDIAL: u8 = 4;
+    /// One of its faces is open. Others are not simple.
+    pub const OPEN: u8 = 8;
+}
+
+/// Voxels in the order of rank and offset. Ranks ahead are buckets, sorted when their turn comes.
+#[derive(Default)]
+struct Front {
+    ahead: Vec<Vec<u32>>,
+    rank: usize,
+    /// The bucket of the current rank, descending.
+    current: Vec<u32>,
+    /// What came when its rank had already begun.
+    late: BinaryHeap<Reverse<(usize, u32)>>,
+}
+
+impl Front {
+    fn push(&mut self, rank: usize, voxel: u32) {
+        if rank <= self.rank {
+            self.late.push(Reverse((rank, voxel)));
+        } else {
+            if rank >= self.ahead.len() {
+                self.ahead.resize_with(rank + 1, Vec::new);
+            }
+            self.ahead[rank].push(voxel);
+        }
+    }
+
+    fn pop(&mut self) -> Option<usize> {
+        while self.current.is_empty() && self.late.is_empty() {
+            self.rank += 1;
+            self.current = std::mem::take(self.ahead.get_mut(self.rank)?);
+            self.current.sort_unstable_by_key(|o| Reverse(*o));
+        }
+        let next = self.current.last().map(|&o| (self.rank, o));
+        let is_late = self.late.peek().is_some_and(|Reverse(late)| next.is_none_or(|next| *late < next));
+        let voxel = if is_late { self.late.pop().map(|Reverse(late)| late.1) } else { self.current.pop() };
+        voxel.map(|o| o as usize)
+    }
+}
+
+/// Takes simple voxels away in the order of their depth; returns those that are left, ascending.
 fn thin(
     inside: &Grid<bool>,
     depth: &Depth,
-    is_medial: &[bool],
+    medial: &[usize],
     observer: &dyn Observer,
-) -> Result<Grid<bool>, Cancelled> {
-    let dims = inside.dims();
-    let (nx, nxy) = (dims[0], dims[0] * dims[1]);
-    let depth = depth.depth.as_slice();
-    let mut left = inside.clone();
-    let mut is_queued = vec![false; left.as_slice().len()];
-    let mut heap = BinaryHeap::new();
-    let entry = |o: usize| Reverse((rank(depth[o]), id(o)));
-    for o in (0..left.as_slice().len()).filter(|&o| left.as_slice()[o] && !is_medial[o]) {
-        if is_simple(neighborhood(left.as_slice(), o, nx, nxy)) {
-            heap.push(entry(o));
-            is_queued[o] = true;
+) -> Result<Vec<usize>, Cancelled> {
+    use state::{LEFT, MEDIAL, OPEN, QUEUED};
+    let [nx, ny, _] = inside.dims();
+    let nxy = nx * ny;
+    let rank_of = |o: usize| rank(depth.depth.as_slice()[o]);
+    let mut cells = inside.map(|is_inside| u8::from(*is_inside) * LEFT);
+    let cells = cells.as_mut_slice();
+    medial.iter().for_each(|&o| cells[o] |= MEDIAL);
+    let mut front = Front::default();
+    for &o in &depth.skin_voxels {
+        cells[o] |= OPEN;
+        if cells[o] & MEDIAL == 0 && is_simple(neighborhood(cells, o, nx, nxy)) {
+            cells[o] |= QUEUED;
+            front.push(rank_of(o), id(o));
         }
     }
     let mut steps = 0usize;
-    while let Some(Reverse((_, offset))) = heap.pop() {
+    while let Some(o) = front.pop() {
         steps += 1;
         if steps.is_multiple_of(CANCEL_EVERY) {
             observer.check()?;
         }
-        let o = offset as usize;
-        is_queued[o] = false;
-        let bits = neighborhood(left.as_slice(), o, nx, nxy);
-        if !is_simple(bits) {
+        cells[o] &= !QUEUED;
+        if !is_simple(neighborhood(cells, o, nx, nxy)) {
             continue;
         }
-        left.as_mut_slice()[o] = false;
-        neighbors(dims, o, Connectivity::Corners26, |n| {
-            if left.as_slice()[n] && !is_queued[n] && !is_medial[n] {
-                is_queued[n] = true;
-                heap.push(entry(n));
+        cells[o] = 0;
+        for n in [o - nxy, o - nx, o - 1, o + 1, o + nx, o + nxy] {
+            cells[n] |= OPEN;
+        }
+        for z in [o - nxy, o, o + nxy] {
+            for y in [z - nx, z, z + nx] {
+                for n in y - 1..=y + 1 {
+                    if cells[n] == LEFT | OPEN {
+                        cells[n] |= QUEUED;
+                        front.push(rank_of(n), id(n));
+                    }
+                }
             }
-        });
+        }
     }
-    thin_to_one_voxel(&mut left, depth, is_medial);
+    let mut left: Vec<usize> = (0..cells.len()).filter(|&o| cells[o] & LEFT != 0).collect();
+    thin_to_one_voxel(cells, [nx, nxy], &mut left, rank_of);
     Ok(left)
 }
 
 /// Medial voxels make the surface two thick in places: what is no end of the surface is thinned,
 /// until nothing changes.
-fn thin_to_one_voxel(left: &mut Grid<bool>, depth: &[f32], is_medial: &[bool]) {
+fn thin_to_one_voxel(cells: &mut [u8], [nx, nxy]: [usize; 2], left: &mut Vec<usize>, rank_of: impl Fn(usize) -> usize) {
     /// Rounds at most; each takes at least one voxel away, and two or three are the rule.
     const MAX_ROUNDS: usize = 64;
-    let dims = left.dims();
-    let mut order: Vec<usize> = (0..left.as_slice().len()).filter(|&o| left.as_slice()[o]).collect();
-    order.sort_by_key(|&o| (rank(depth[o]), o));
+    left.sort_by_key(|&o| (rank_of(o), o));
     for _ in 0..MAX_ROUNDS {
-        let before = order.len();
-        order.retain(|&o| {
-            let bits = neighborhood(left.as_slice(), o, dims[0], dims[0] * dims[1]);
-            let goes = is_simple(bits) && !(is_medial[o] && is_surface_end(bits));
-            left.as_mut_slice()[o] = !goes;
+        let before = left.len();
+        left.retain(|&o| {
+            let bits = neighborhood(cells, o, nx, nxy);
+            let goes = is_simple(bits) && !(cells[o] & state::MEDIAL != 0 && is_surface_end(bits));
+            cells[o] &= if goes { 0 } else { u8::MAX };
             !goes
         });
-        if order.len() == before {
+        if left.len() == before {
             break;
         }
     }
+    left.sort_unstable();
 }
 
 /// Sub-voxel points of the voxels that are left.
-fn surface_of(left: &Grid<bool>, depth: &Depth) -> MedialSurface {
-    let dims = left.dims();
-    let voxels: Vec<usize> = (0..left.as_slice().len()).filter(|&o| left.as_slice()[o]).collect();
-    let number = |o: usize| voxels.binary_search(&o).ok().map(id);
-    let adjacency = voxels
-        .iter()
-        .map(|&o| {
+fn surface_of(left: &[usize], depth: &Depth) -> MedialSurface {
+    let points = left.par_iter().with_min_len(64).map(|&o| medial_point(depth, o)).collect();
+    MedialSurface { points, adjacency: touching(left, depth.depth.dims()) }
+}
+
+/// The 26-neighbours of each of some voxels (ascending, none on the grid's edge) among them.
+fn touching(voxels: &[usize], [nx, ny, _]: [usize; 3]) -> Vec<Vec<u32>> {
+    /// Voxels that are worked on together.
+    const CHUNK: usize = 4096;
+    let steps = |o: usize| {
+        let planes = [o - nx * ny, o, o + nx * ny].into_iter();
+        planes.flat_map(move |z| [z - nx, z, z + nx]).flat_map(|y| [y - 1, y, y + 1])
+    };
+    let of_chunk = |chunk: &[usize]| {
+        // Where each of the 27 neighbours would be: it moves on as the voxel does.
+        let mut place: Vec<usize> = steps(chunk[0]).map(|n| voxels.partition_point(|&v| v < n)).collect();
+        let mut of_voxel = |o: usize| {
             let mut list = Vec::new();
-            neighbors(dims, o, Connectivity::Corners26, |n| {
-                if left.as_slice()[n] {
-                    list.extend(number(n));
+            for (at, n) in place.iter_mut().zip(steps(o)) {
+                while voxels.get(*at).is_some_and(|&v| v < n) {
+                    *at += 1;
                 }
-            });
+                if n != o && voxels.get(*at) == Some(&n) {
+                    list.push(id(*at));
+                }
+            }
             list
-        })
-        .collect();
-    let points = voxels.iter().map(|&o| medial_point(left, depth, o)).collect();
-    MedialSurface { points, adjacency }
+        };
+        chunk.iter().map(|&o| of_voxel(o)).collect::<Vec<_>>()
+    };
+    voxels.par_chunks(CHUNK).flat_map_iter(of_chunk).collect()
 }
 
 /// The medial point of a voxel: its feet on two sides, and the place where they are equally far.
-fn medial_point(left: &Grid<bool>, depth: &Depth, voxel: usize) -> MedialPoint {
+fn medial_point(depth: &Depth, voxel: usize) -> MedialPoint {
     let mut near = vec![depth.nearest.as_slice()[voxel]];
-    neighbors(left.dims(), voxel, Connectivity::Corners26, |n| {
+    neighbors(depth.depth.dims(), voxel, Connectivity::Corners26, |n| {
         if depth.depth.as_slice()[n] > 0.0 {
             near.push(depth.nearest.as_slice()[n]);
         }
     });
     near.sort_unstable();
     near.dedup();
-    let mut position = Point3::from(left.index(voxel).map(|x| x as f64));
+    let mut position = Point3::from(depth.depth.index(voxel).map(|x| x as f64));
     let (first, second) = two_feet(depth, &near, position);
     let mut normal = (first - second).try_normalize(1e-9).unwrap_or_else(Vector3::z);
     let mut feet = [first, second];

@@ -55,20 +55,22 @@ impl Region {
         let origin = Point2::from(low - Vector2::repeat(PADDING as f64 * PITCH));
         let pixels = |axis: usize| floor_index(((high - low)[axis] / PITCH).ceil()) + 1 + 2 * PADDING;
         let dims = [pixels(0), pixels(1), 1];
-        let mut has_point = vec![false; dims[0] * dims[1]];
-        for p in points {
+        let pixel_of = |p: &Point2<f64>| {
             let at = (p - origin) / PITCH;
-            has_point[floor_index(at.x + 0.5) + dims[0] * floor_index(at.y + 0.5)] = true;
-        }
+            floor_index(at.x + 0.5) + dims[0] * floor_index(at.y + 0.5)
+        };
+        let mut taken: Vec<usize> = points.iter().map(pixel_of).collect();
+        taken.sort_unstable();
+        taken.dedup();
         let reach = CLOSING / PITCH;
-        let mut near = nearest_seed(dims, [1.0; 3], |o| has_point[o]).squared;
-        let is_far = |o: usize| f64::from(near.as_slice()[o]) > reach * reach;
-        let rim = nearest_seed(dims, [1.0; 3], is_far).squared;
+        let mut near = nearest_seed(dims, [1.0; 3], &taken).squared;
+        let is_far = |o: &usize| f64::from(near.as_slice()[*o]) > reach * reach;
+        let far: Vec<usize> = (0..near.as_slice().len()).filter(is_far).collect();
+        let rim = nearest_seed(dims, [1.0; 3], &far).squared;
         let shrink = reach - OVERHANG / PITCH;
-        let inside: Vec<bool> = rim.as_slice().iter().map(|d| f64::from(*d) > shrink * shrink).collect();
-        let (inside, hole_share) = fill_holes(dims, inside);
-        let soft = inside.iter().map(|m| f32::from(u8::from(*m))).collect();
-        let mut level = Grid::from_vec(dims, soft).expect("one value per pixel");
+        let inside = rim.map(|d| f64::from(*d) > shrink * shrink);
+        let (inside, hole_share) = fill_holes(inside);
+        let mut level = inside.map(|m| f32::from(u8::from(*m)));
         gaussian(&mut level, [OUTLINE_SIGMA / PITCH, OUTLINE_SIGMA / PITCH, 0.0]);
         level.as_mut_slice().iter_mut().for_each(|v| *v -= 0.5);
         near.as_mut_slice().iter_mut().for_each(|d| *d = d.sqrt());
@@ -449,19 +451,11 @@ impl Arc {
 }
 
 /// Keeps the largest piece of the pixels and fills its holes; returns their share too.
-fn fill_holes(dims: [usize; 3], inside: Vec<bool>) -> (Vec<bool>, f64) {
-    let pieces = components(dims, Connectivity::Corners26, |o| inside[o]);
-    let largest = pieces.largest();
-    let mut kept: Vec<bool> = pieces.labels.as_slice().iter().map(|l| *l != 0 && Some(*l) == largest).collect();
-    let outside = components(dims, Connectivity::Faces6, |o| !kept[o]);
-    let open = outside.labels.as_slice()[0];
-    let mut filled = 0;
-    for (k, l) in kept.iter_mut().zip(outside.labels.as_slice()) {
-        if *l != 0 && *l != open {
-            *k = true;
-            filled += 1;
-        }
-    }
-    let area = kept.iter().filter(|k| **k).count().max(1);
-    (kept, f64::from(filled) / area as f64)
+fn fill_holes(mut pixels: Grid<bool>) -> (Grid<bool>, f64) {
+    let pieces = components(&pixels, true, Connectivity::Corners26);
+    pieces.set_all_but(pieces.largest(), &mut pixels, false);
+    let background = components(&pixels, false, Connectivity::Faces6);
+    let filled = background.set_all_but(background.of_first_voxel(), &mut pixels, true);
+    let area = pixels.as_slice().iter().filter(|p| **p).count().max(1);
+    (pixels, filled as f64 / area as f64)
 }

@@ -10,6 +10,7 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use nalgebra::{Point3, Vector3};
+use rayon::prelude::*;
 
 use crate::numerics::components::{Connectivity, neighbors};
 use crate::numerics::field::id;
@@ -99,8 +100,9 @@ pub fn sides(
     }
     let mut classes: Vec<[Vec<(u32, u32)>; 2]> = vec![[Vec::new(), Vec::new()]; all.len()];
     let balls = Balls::of(surface, |p| local_of[p] != u32::MAX);
-    for (s, point) in depth.skin.iter().enumerate() {
-        let Some((p, gap)) = balls.nearest(point.position) else { continue };
+    let owners: Vec<_> = depth.skin.par_iter().map(|point| balls.nearest(point.position)).collect();
+    for ((s, point), owner) in depth.skin.iter().enumerate().zip(owners) {
+        let Some((p, gap)) = owner else { continue };
         let sheet = sheets.sheet_of[p] as usize;
         let spoke = (point.position - surface.points[p].position).try_normalize(1e-9).unwrap_or_else(Vector3::zeros);
         let height = spoke.dot(&normal_of[p]);
@@ -123,7 +125,7 @@ fn one_piece(solid: &Solid, depth: &Depth, class: &[(u32, u32)]) -> Side {
     let touching = |s: u32| {
         let mut list = Vec::new();
         neighbors(dims, depth.skin_voxels[s as usize], Connectivity::Corners26, |n| {
-            list.extend(depth.skin_voxels.binary_search(&n).ok().map(id));
+            list.extend(depth.skin_at(n));
         });
         list
     };

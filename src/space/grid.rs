@@ -1,5 +1,7 @@
 //! Dense three-dimensional arrays in NIfTI order: the first index runs fastest.
 
+use rayon::prelude::*;
+
 /// Integer voxel coordinates `(i, j, k)`.
 pub type VoxelIndex = [usize; 3];
 
@@ -35,6 +37,18 @@ impl<T> Grid<T> {
         &mut self.data
     }
 
+    /// The rows along the first axis, to write to, in groups that can be worked on apart: lines along
+    /// `axis` (1 or 2) run across the rows of one group, in order.
+    pub fn rows_across(&mut self, axis: usize) -> Vec<Vec<&mut [T]>> {
+        let [nx, ny, nz] = self.dims;
+        let (groups, length) = if axis == 1 { (nz, ny) } else { (ny, nz) };
+        let mut out: Vec<Vec<&mut [T]>> = (0..groups).map(|_| Vec::with_capacity(length)).collect();
+        for (n, row) in self.data.chunks_exact_mut(nx.max(1)).enumerate() {
+            out[if axis == 1 { n / ny } else { n % ny }].push(row);
+        }
+        out
+    }
+
     /// Offset of a voxel in [`Self::as_slice`].
     #[must_use]
     pub fn offset(&self, [i, j, k]: VoxelIndex) -> usize {
@@ -46,6 +60,23 @@ impl<T> Grid<T> {
     pub fn index(&self, offset: usize) -> VoxelIndex {
         let [nx, ny, _] = self.dims;
         [offset % nx, offset / nx % ny, offset / (nx * ny)]
+    }
+}
+
+impl<T: Sync> Grid<T> {
+    /// The same grid with every value changed.
+    pub fn map<U: Send>(&self, change: impl Fn(&T) -> U + Send + Sync) -> Grid<U> {
+        Grid { dims: self.dims, data: self.data.par_iter().with_min_len(1 << 14).map(change).collect() }
+    }
+}
+
+impl<T: Send> Grid<T> {
+    /// A grid of what `value` says of each voxel.
+    pub fn of(dims: [usize; 3], value: impl Fn(VoxelIndex) -> T + Send + Sync) -> Self {
+        let [nx, ny, nz] = dims;
+        let row = |n: usize| (0..nx).map(move |i| [i, n % ny, n / ny]);
+        let data = (0..ny * nz).into_par_iter().flat_map_iter(|n| row(n).map(&value)).collect();
+        Self { dims, data }
     }
 }
 
