@@ -14,6 +14,7 @@
 //! Every rule has a cliff, where a little noise would turn the frame. There it is called ambiguous.
 
 use nalgebra::{Matrix2, Matrix3x2, Point2, Point3, SymmetricEigen, Vector2, Vector3};
+use rayon::prelude::*;
 
 use crate::space::{Grid, WorldFromVoxel, WorldVector};
 
@@ -102,14 +103,26 @@ impl Senses {
     /// For an object, from the side of the plane x = 0 on which its centroid lies.
     #[must_use]
     pub fn of(inside: &Grid<bool>, world_from_work: &WorldFromVoxel) -> Self {
-        let (mut count, mut sum) = (0.0f64, 0.0);
-        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-        for offset in (0..inside.as_slice().len()).filter(|&o| inside.as_slice()[o]) {
-            let x = world_from_work.point(Point3::from(inside.index(offset).map(|x| x as f64))).x;
-            (count, sum, low, high) = (count + 1.0, sum + x, low.min(x), high.max(x));
-        }
-        let centroid = sum / count.max(1.0);
-        let is_midline = count == 0.0 || centroid.abs() < OFF_MIDLINE * (high - low);
+        let [nx, ny, _] = inside.dims();
+        let x_of = |i: usize, j: usize, k: usize| world_from_work.point(Point3::from([i, j, k].map(|x| x as f64))).x;
+        // Of a row: its voxels, the sums of their indices, and the range of x.
+        let of_row = |(row, cells): (usize, &[bool])| {
+            let [j, k] = [row % ny, row / ny];
+            let taken = || (0..nx).filter(|&i| cells[i]);
+            let (count, sum) = taken().fold((0, 0), |(count, sum), i| (count + 1, sum + i));
+            let ends = [taken().next(), taken().next_back()].into_iter().flatten().map(|i| x_of(i, j, k));
+            let range = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)]);
+            ([count, sum, count * j, count * k], range)
+        };
+        let both = |(a, p): ([usize; 4], [f64; 2]), (b, q): ([usize; 4], [f64; 2])| {
+            ([0, 1, 2, 3].map(|n| a[n] + b[n]), [p[0].min(q[0]), p[1].max(q[1])])
+        };
+        let none = || ([0; 4], [f64::INFINITY, f64::NEG_INFINITY]);
+        let rows = inside.as_slice().par_chunks(nx).enumerate().with_min_len(64);
+        let ([count, i, j, k], [low, high]) = rows.map(of_row).reduce(none, both);
+        let mean = [i, j, k].map(|sum| sum as f64 / count.max(1) as f64);
+        let centroid = world_from_work.point(Point3::from(mean)).x;
+        let is_midline = count == 0 || centroid.abs() < OFF_MIDLINE * (high - low);
         Self { lateral: if is_midline || centroid > 0.0 { 1.0 } else { -1.0 }, is_midline }
     }
 
@@ -139,9 +152,13 @@ impl Senses {
 /// Turns the flattened sheet into its frame (columns along the first coordinate, rows along the
 /// second) and says which it is.
 #[must_use]
-pub fn framed(flat: &[Point2<f64>], sheet: &SheetSides, solid: &Solid) -> (Vec<Point2<f64>>, FrameFacts) {
+pub fn framed(
+    flat: &[Point2<f64>],
+    sheet: &SheetSides,
+    solid: &Solid,
+    senses: &Senses,
+) -> (Vec<Point2<f64>>, FrameFacts) {
     let region = Region::of(flat);
-    let senses = Senses::of(&solid.inside, &solid.world_from_work);
     let world_from_plane = world_from_plane(flat, &sheet.medial.positions, solid);
     let (rule, axes, aspect) = axes(&region, flat, &world_from_plane);
     let mut ambiguities = Vec::new();

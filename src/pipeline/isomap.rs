@@ -5,7 +5,8 @@
 //! *Sparse multidimensional scaling using landmark points*, 2004) on a neighbourhood graph whose
 //! edges stay on the surface: both ends are joined by touching points inside the edge's own ball.
 
-use nalgebra::{DMatrix, Point2, Vector2};
+use nalgebra::{DMatrix, Point2, SVector, Vector2};
+use rayon::prelude::*;
 
 use crate::numerics::eigen::leading_two;
 use crate::numerics::field::{floor_index, id};
@@ -24,6 +25,8 @@ const AUTO_LANDMARKS: usize = 48;
 /// Steps from voxel to voxel, per voxel of distance, within which an edge's ends must be joined.
 /// A straight diagonal needs 1; the staircase of a surface up to 1.5.
 const STEPS_PER_VOXEL: f64 = 1.5;
+/// Points that one thread takes at a time: fewer are not worth handing over.
+const POINTS_PER_TASK: usize = 256;
 /// Points that exact ISOMAP takes at most: its matrix takes 8 bytes a pair.
 pub const EXACT_LIMIT: usize = 10_000;
 
@@ -104,39 +107,39 @@ pub fn flatten(
 /// The neighbourhood graph, and how many pieces it was in before touching points joined them.
 fn neighborhood_graph(surface: &Surface, neighbors: Neighbors, voxel_mm: f64) -> (Graph, usize) {
     let count = surface.positions.len();
-    let mut around = Around::new(count);
-    let mut lists: Vec<Vec<(u32, f32)>> = vec![Vec::new(); count];
-    for a in 0..count {
-        let found = match neighbors {
+    let found = |around: &mut Around, a: usize| {
+        let mut list = match neighbors {
             Neighbors::Auto => around.within(surface, a, AUTO_RADIUS),
             Neighbors::RadiusMm(radius) => around.within(surface, a, radius / voxel_mm),
             Neighbors::Count(k) => around.nearest(surface, a, k),
         };
-        for (b, length) in found {
-            lists[a].push((b, length));
-            lists[b as usize].push((id(a), length));
-        }
+        list.sort_unstable_by_key(|e| e.0);
+        list
+    };
+    let points = (0..count).into_par_iter().with_min_len(POINTS_PER_TASK);
+    let mut lists: Vec<Vec<(u32, f32)>> = points.map_init(|| Around::new(count), found).collect();
+    // Of two points, one may see the other only: an edge has two ends.
+    let unseen = |(a, list): (usize, &Vec<(u32, f32)>)| {
+        let is_unseen = |e: &&(u32, f32)| lists[e.0 as usize].binary_search_by_key(&id(a), |e| e.0).is_err();
+        list.iter().filter(is_unseen).map(|&(b, length)| (b, (id(a), length))).collect::<Vec<_>>()
+    };
+    let missing: Vec<_> = lists.par_iter().enumerate().with_min_len(POINTS_PER_TASK).map(unseen).collect();
+    for (b, edge) in missing.into_iter().flatten() {
+        lists[b as usize].push(edge);
     }
-    tidy(&mut lists);
+    lists.par_iter_mut().for_each(|list| list.sort_unstable_by_key(|e| e.0));
     let graph = Graph::from_lists(&lists);
     let (piece, sizes) = graph.components();
     if sizes.len() == 1 {
         return (graph, 1);
     }
     for (a, list) in surface.adjacency.iter().enumerate() {
+        // No edge joins two pieces yet: none comes twice.
         for &b in list.iter().filter(|b| piece[a] != piece[**b as usize]) {
             lists[a].push((b, length_between(surface, a, b as usize)));
         }
     }
-    tidy(&mut lists);
     (Graph::from_lists(&lists), sizes.len())
-}
-
-fn tidy(lists: &mut [Vec<(u32, f32)>]) {
-    for list in lists {
-        list.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        list.dedup_by_key(|e| e.0);
-    }
 }
 
 /// Edges are never of length 0: two points in one place would be one.
@@ -216,28 +219,26 @@ struct Geodesics {
 
 impl Geodesics {
     fn all(graph: &Graph, observer: &dyn Observer) -> Result<Self, Cancelled> {
-        let sources: Vec<usize> = (0..graph.len()).collect();
-        let mut distances = Vec::with_capacity(sources.len());
-        for &s in &sources {
-            observer.check()?;
-            distances.push(graph.geodesics(s));
-        }
-        Ok(Self { sources, distances })
+        Self::from_sources(graph, (0..graph.len()).collect(), observer)
     }
 
     /// Landmarks each as far as can be from those before, the first at a rim.
     fn farthest(graph: &Graph, count: usize, observer: &dyn Observer) -> Result<Self, Cancelled> {
         let mut next = farthest_of(&graph.geodesics(0));
         let mut nearest = vec![f32::INFINITY; graph.len()];
-        let (mut sources, mut distances) = (Vec::new(), Vec::new());
+        let mut sources = Vec::new();
         while sources.len() < count.min(graph.len()) {
             observer.check()?;
-            let row = graph.geodesics(next);
-            nearest.iter_mut().zip(&row).for_each(|(n, r)| *n = n.min(*r));
+            graph.improve(&mut nearest, next);
             sources.push(next);
-            distances.push(row);
             next = farthest_of(&nearest);
         }
+        Self::from_sources(graph, sources, observer)
+    }
+
+    fn from_sources(graph: &Graph, sources: Vec<usize>, observer: &dyn Observer) -> Result<Self, Cancelled> {
+        let row = |&source: &usize| observer.check().map(|()| graph.geodesics(source));
+        let distances = sources.par_iter().map(row).collect::<Result<_, _>>()?;
         Ok(Self { sources, distances })
     }
 
@@ -259,36 +260,34 @@ impl Geodesics {
             return None;
         }
         let rows = [0, 1].map(|k| leading.vectors[k].scale(1.0 / leading.values[k].sqrt()));
-        let mut points: Vec<Point2<f64>> = (0..self.distances[0].len())
-            .map(|p| {
-                let mut at = Vector2::zeros();
-                for s in 0..count {
-                    let pull = -0.5 * (squared(s, p) - means[s]);
-                    at += Vector2::new(rows[0][s], rows[1][s]) * pull;
-                }
-                Point2::from(at)
-            })
-            .collect();
+        let place = |p: usize| {
+            let mut at = Vector2::zeros();
+            for s in 0..count {
+                let pull = -0.5 * (squared(s, p) - means[s]);
+                at += Vector2::new(rows[0][s], rows[1][s]) * pull;
+            }
+            Point2::from(at)
+        };
+        let all = (0..self.distances[0].len()).into_par_iter().with_min_len(POINTS_PER_TASK);
+        let mut points: Vec<Point2<f64>> = all.map(place).collect();
         let centre = points.iter().map(|p| p.coords).sum::<Vector2<f64>>() / points.len() as f64;
         points.iter_mut().for_each(|p| *p -= centre);
         Some(points)
     }
 
     fn residual_variance(&self, points: &[Point2<f64>]) -> f64 {
-        let (mut n, mut sg, mut sp, mut sgg, mut spp, mut sgp) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-        for (row, &s) in self.distances.iter().zip(&self.sources) {
-            for (g, p) in row.iter().zip(points) {
-                let (g, p) = (f64::from(*g), (p - points[s]).norm());
-                n += 1.0;
-                sg += g;
-                sp += p;
-                sgg += g * g;
-                spp += p * p;
-                sgp += g * p;
-            }
-        }
-        let covariance = sgp - sg * sp / n;
-        let spread = (sgg - sg * sg / n) * (spp - sp * sp / n);
+        // Count, and sums of graph distance g, plane distance p, g², p² and g p.
+        let of_row = |(row, &source): (&Vec<f32>, &usize)| {
+            row.iter().zip(points).fold(SVector::<f64, 6>::zeros(), |sums, (g, p)| {
+                let (g, p) = (f64::from(*g), (p - points[source]).norm());
+                sums + SVector::from([1.0, g, p, g * g, p * p, g * p])
+            })
+        };
+        // Summed in the order of the sources, not in that of the threads.
+        let rows: Vec<SVector<f64, 6>> = self.distances.par_iter().zip(&self.sources).map(of_row).collect();
+        let [n, g, p, gg, pp, gp] = rows.into_iter().sum::<SVector<f64, 6>>().into();
+        let covariance = gp - g * p / n;
+        let spread = (gg - g * g / n) * (pp - p * p / n);
         if spread > 0.0 { (1.0 - covariance * covariance / spread).max(0.0) } else { 1.0 }
     }
 }

@@ -72,8 +72,8 @@ impl MedialSurface {
     /// The part made of some points (ascending).
     #[must_use]
     pub fn part(&self, members: &[u32]) -> Surface {
-        let touching = |p: u32| self.adjacency[p as usize].clone();
-        Surface::part(|p| self.points[p as usize].position, touching, members)
+        let touching = |p: u32, list: &mut Vec<u32>| list.extend_from_slice(&self.adjacency[p as usize]);
+        Surface::made_of(members, self.points.len(), |p| self.points[p as usize].position, touching)
     }
 }
 

@@ -15,6 +15,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use nalgebra::{Matrix3, Point3};
+use rayon::prelude::*;
 
 use crate::numerics::field::id;
 
@@ -266,8 +267,9 @@ fn losses(surface: &MedialSurface, depth: &Depth, label: &[u32]) -> BTreeMap<u32
     let numbers: Vec<u32> = sizes(label).into_keys().collect();
     let owner = Balls::of(surface, |p| label[p] != NO_SHEET);
     let mut skin_of: BTreeMap<u32, Vec<usize>> = numbers.iter().map(|&n| (n, Vec::new())).collect();
-    for (s, point) in depth.skin.iter().enumerate() {
-        if let Some((p, _)) = owner.nearest(point.position) {
+    let owners: Vec<_> = depth.skin.par_iter().map(|point| owner.nearest(point.position)).collect();
+    for (s, owner) in owners.into_iter().enumerate() {
+        if let Some((p, _)) = owner {
             skin_of.entry(label[p]).or_default().push(s);
         }
     }
@@ -275,9 +277,9 @@ fn losses(surface: &MedialSurface, depth: &Depth, label: &[u32]) -> BTreeMap<u32
     let mut losses = BTreeMap::new();
     for &number in &numbers {
         let others = Balls::of(surface, |p| label[p] != NO_SHEET && label[p] != number);
-        let heights =
-            skin_of[&number].iter().map(|&s| others.nearest(depth.skin[s].position).map_or(0.0, |f| f.1.max(0.0)));
-        losses.insert(number, heights.sum::<f64>() / volume.max(1.0));
+        let height = |&s: &usize| others.nearest(depth.skin[s].position).map_or(0.0, |f| f.1.max(0.0));
+        let heights: Vec<f64> = skin_of[&number].par_iter().map(height).collect();
+        losses.insert(number, heights.into_iter().sum::<f64>() / volume.max(1.0));
     }
     losses
 }

@@ -14,10 +14,10 @@ use rayon::prelude::*;
 
 use crate::numerics::components::{Connectivity, neighbors};
 use crate::numerics::field::id;
+use crate::space::WorldFromVoxel;
 
 use super::depth::Depth;
 use super::frame::Senses;
-use super::mask::Solid;
 use super::medial::MedialSurface;
 use super::refusal::Refusal;
 use super::sheets::{Balls, Sheets};
@@ -71,21 +71,22 @@ pub struct SheetSides {
 /// # Errors
 /// [`Refusal::NotOrientable`] when a sheet has one side only.
 pub fn sides(
-    solid: &Solid,
     depth: &Depth,
+    world_from_work: &WorldFromVoxel,
     surface: &MedialSurface,
     sheets: &Sheets,
+    senses: &Senses,
 ) -> Result<Vec<SheetSides>, Refusal> {
     let mut all = Vec::new();
-    let senses = Senses::of(&solid.inside, &solid.world_from_work);
     let mut normal_of = vec![Vector3::zeros(); surface.points.len()];
     let mut local_of = vec![u32::MAX; surface.points.len()];
     for (number, members) in sheets.members.iter().enumerate() {
         let whole = surface.part(members);
-        let members: Vec<u32> = whole.largest_piece().into_iter().map(|k| members[k as usize]).collect();
-        let medial = surface.part(&members);
+        let kept = whole.largest_piece();
+        let medial = if kept.len() < members.len() { whole.part(&kept) } else { whole };
+        let members: Vec<u32> = kept.into_iter().map(|k| members[k as usize]).collect();
         let mut normals = oriented_normals(surface, &members, &medial)?;
-        let mean = normals.iter().map(|n| solid.world_from_work.vector(*n)).sum();
+        let mean = normals.iter().map(|n| world_from_work.vector(*n)).sum();
         if senses.of_direction(mean).sign < 0.0 {
             normals.iter_mut().for_each(|n| *n = -*n);
         }
@@ -113,28 +114,24 @@ pub fn sides(
         }
     }
     for (sheet, [upper, lower]) in all.iter_mut().zip(classes) {
-        (sheet.upper, sheet.lower) = (one_piece(solid, depth, &upper), one_piece(solid, depth, &lower));
+        (sheet.upper, sheet.lower) = rayon::join(|| one_piece(depth, &upper), || one_piece(depth, &lower));
         sheet.crest += upper.len() + lower.len() - sheet.upper.partners.len() - sheet.lower.partners.len();
     }
     Ok(all)
 }
 
 /// The largest connected piece of a side; what is cut off from it counts as crest.
-fn one_piece(solid: &Solid, depth: &Depth, class: &[(u32, u32)]) -> Side {
-    let dims = solid.inside.dims();
-    let touching = |s: u32| {
-        let mut list = Vec::new();
-        neighbors(dims, depth.skin_voxels[s as usize], Connectivity::Corners26, |n| {
+fn one_piece(depth: &Depth, class: &[(u32, u32)]) -> Side {
+    let touching = |s: u32, list: &mut Vec<u32>| {
+        neighbors(depth.depth.dims(), depth.skin_voxels[s as usize], Connectivity::Corners26, |n| {
             list.extend(depth.skin_at(n));
         });
-        list
     };
-    let position = |s: u32| depth.skin[s as usize].position;
     let members: Vec<u32> = class.iter().map(|c| c.0).collect();
-    let whole = Surface::part(position, touching, &members);
-    let kept: Vec<(u32, u32)> = whole.largest_piece().into_iter().map(|k| class[k as usize]).collect();
-    let members: Vec<u32> = kept.iter().map(|c| c.0).collect();
-    Side { surface: Surface::part(position, touching, &members), partners: kept.iter().map(|c| c.1).collect() }
+    let whole = Surface::made_of(&members, depth.skin.len(), |s| depth.skin[s as usize].position, touching);
+    let kept = whole.largest_piece();
+    let surface = if kept.len() < members.len() { whole.part(&kept) } else { whole };
+    Side { surface, partners: kept.iter().map(|&k| class[k as usize].1).collect() }
 }
 
 /// Whether a sheet (ascending medial points) has two sides.

@@ -11,7 +11,7 @@ use super::anchored::anchored;
 use super::automatic::{Automatic, automatic, respaced};
 use super::cut::{Laid, cut};
 use super::depth::{Depth, depth};
-use super::frame::{FrameFacts, framed};
+use super::frame::{FrameFacts, Senses, framed};
 use super::isomap::{Flat, IsomapError, flatten};
 use super::lattice::lattice;
 use super::mask::{LabelBox, Solid, solid};
@@ -83,6 +83,13 @@ impl From<Refusal> for Stop {
     fn from(refusal: Refusal) -> Self {
         Self::Refused(refusal)
     }
+}
+
+/// What all stages after the first stand on.
+struct Body {
+    solid: Solid,
+    depth: Depth,
+    senses: Senses,
 }
 
 /// A figure on its way: its nodes and its flattened surfaces.
@@ -175,38 +182,40 @@ impl Work<'_> {
                 None => solid,
             };
             let depth = depth(&solid);
-            Ok::<_, Refusal>((solid, depth))
+            let senses = Senses::of(&solid.inside, &solid.world_from_work);
+            Ok::<_, Refusal>(Body { solid, depth, senses })
         })?;
         out.warnings = warnings;
-        let (solid, depth) = prepared?;
+        let body = prepared?;
+        let Body { solid, depth, senses } = &body;
         out.working_voxel_mm = solid.voxel_mm;
         if self.repeat.is_none() {
-            out.object = object_mesh(&solid);
+            out.object = object_mesh(solid);
         }
-        let surface = self.stage(&mut timings, Stage::Skeleton, || medial_surface(&solid, &depth, observer))??;
+        let surface = self.stage(&mut timings, Stage::Skeleton, || medial_surface(solid, depth, observer))??;
         let sheets =
-            self.stage(&mut timings, Stage::Sheets, || sheets(&surface, &depth, params.prune, params.max_figures))?;
+            self.stage(&mut timings, Stage::Sheets, || sheets(&surface, depth, params.prune, params.max_figures))?;
         out.timings = timings;
-        check_sheet(&surface, &sheets, &solid)?;
+        check_sheet(&surface, &sheets, solid)?;
         let start = Instant::now();
         let Laid { sheets, flat } = cut(&surface, sheets, params, solid.voxel_mm, observer, &mut out.warnings)?;
         timings.0[Stage::Isomap as usize] += start.elapsed().as_secs_f64() * 1e3;
-        let sheet_sides = self.stage(&mut timings, Stage::Sides, || sides(&solid, &depth, &surface, &sheets))??;
-        let drafts = self.drafts((&solid, &depth), &sheet_sides, flat, &mut timings, &mut out.warnings)?;
+        let sheet_sides = self.stage(&mut timings, Stage::Sides, || sides(depth, &solid.world_from_work, &surface, &sheets, senses))??;
+        let drafts = self.drafts(&body, &sheet_sides, flat, &mut timings, &mut out.warnings)?;
         out.timings = timings;
         let figures: Vec<Nodes> = drafts.iter().flatten().map(|d| d.nodes.clone()).collect();
         self.stage(&mut timings, Stage::Quality, || {
             for (sheet, draft) in sheet_sides.iter().zip(&drafts) {
-                out.figures.extend(draft.as_ref().map(|d| figure(&solid, sheet, d)));
+                out.figures.extend(draft.as_ref().map(|d| figure(solid, sheet, d)));
             }
             if self.repeat.is_none() {
                 let mut qualities: Vec<_> = out.figures.iter().map(|f| f.quality.clone()).collect();
-                out.quality = structure_quality(&solid, &depth, &figures, &mut qualities);
+                out.quality = structure_quality(solid, depth, &figures, &mut qualities);
                 out.figures.iter_mut().zip(qualities).for_each(|(figure, quality)| figure.quality = quality);
                 out.quality.pruned_sheets = sheets.pruned;
             }
         })?;
-        out.junctions = junctions(&solid, &surface, &sheets, &drafts);
+        out.junctions = junctions(solid, &surface, &sheets, &drafts);
         out.pruned = sheets.pruned;
         if sheets.pruned > 0 {
             let message = format!("{} small branches of the skeleton were pruned", sheets.pruned);
@@ -220,7 +229,7 @@ impl Work<'_> {
     /// with a warning; the main one is refused.
     fn drafts(
         &self,
-        (solid, depth): (&Solid, &Depth),
+        body: &Body,
         sheets: &[SheetSides],
         flat: Vec<Option<Flat>>,
         timings: &mut StageTimings,
@@ -228,7 +237,7 @@ impl Work<'_> {
     ) -> Result<Vec<Option<Draft>>, Stop> {
         let mut drafts = Vec::new();
         for (number, (sheet, flat)) in sheets.iter().zip(flat).enumerate() {
-            match self.draft((solid, depth), (sheet, flat), number, timings, warnings) {
+            match self.draft(body, (sheet, flat), number, timings, warnings) {
                 Ok(draft) => drafts.push(Some(draft)),
                 Err(Stop::Refused(refusal)) if number > 0 => {
                     let message = format!("sheet {number} was left out: {refusal}");
@@ -243,14 +252,15 @@ impl Work<'_> {
 
     fn draft(
         &self,
-        (solid, depth): (&Solid, &Depth),
+        body: &Body,
         (sheet, flat): (&SheetSides, Option<Flat>),
         number: usize,
         timings: &mut StageTimings,
         warnings: &mut Vec<Warning>,
     ) -> Result<Draft, Stop> {
+        let Body { solid, depth, .. } = body;
         let (flat, frame) =
-            self.stage(timings, Stage::Isomap, || self.flatten_all(solid, sheet, flat, number, warnings))??;
+            self.stage(timings, Stage::Isomap, || self.flatten_all(body, sheet, flat, number, warnings))??;
         let own_region = Region::of(&flat.medial.points);
         if number == 0 {
             check_extents(&own_region, sheet, solid)?;
@@ -306,12 +316,13 @@ impl Work<'_> {
     /// ISOMAP of the sheet, unless it was laid flat before, and its sides, turned into one frame.
     fn flatten_all(
         &self,
-        solid: &Solid,
+        body: &Body,
         sheet: &SheetSides,
         laid: Option<Flat>,
         number: usize,
         warnings: &mut Vec<Warning>,
     ) -> Result<(PerSurface<Flat>, FrameFacts), Stop> {
+        let solid = &body.solid;
         let mut flat_of = |name: &str, surface, laid: Option<Flat>| {
             let params = self.params;
             let flatten = || flatten(surface, params.neighbors, params.landmarks, solid.voxel_mm, self.observer);
@@ -326,7 +337,7 @@ impl Work<'_> {
             Ok::<Flat, Stop>(flat)
         };
         let mut medial = flat_of("medial", &sheet.medial, laid)?;
-        let (points, frame) = framed(&medial.points, sheet, solid);
+        let (points, frame) = framed(&medial.points, sheet, solid, &body.senses);
         medial.points = points;
         if self.params.correspondence == Correspondence::Anchored {
             medial.points = unfolded(sheet, &medial.points);

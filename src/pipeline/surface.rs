@@ -2,6 +2,9 @@
 //! they touch.
 
 use nalgebra::Point3;
+use rayon::prelude::*;
+
+use crate::numerics::field::id;
 
 /// Points of a surface, voxels of work space, with their 26-neighbours on it.
 #[derive(Clone, Debug, Default)]
@@ -13,12 +16,33 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// The part of a larger surface made of `members` (ascending indices into it).
+    /// The part of a larger surface of `whole` points made of `members` (ascending indices into it);
+    /// `touching` adds the points that one touches to a list, ascending.
     #[must_use]
-    pub fn part(positions: impl Fn(u32) -> Point3<f64>, touching: impl Fn(u32) -> Vec<u32>, members: &[u32]) -> Self {
-        let local = |p: &u32| members.binary_search(p).ok().map(crate::numerics::field::id);
-        let adjacency = members.iter().map(|&p| touching(p).iter().filter_map(local).collect()).collect();
-        Self { positions: members.iter().map(|&p| positions(p)).collect(), adjacency }
+    pub fn made_of(
+        members: &[u32],
+        whole: usize,
+        position: impl Fn(u32) -> Point3<f64>,
+        touching: impl Fn(u32, &mut Vec<u32>) + Sync,
+    ) -> Self {
+        let mut place = vec![u32::MAX; whole];
+        members.iter().enumerate().for_each(|(k, &p)| place[p as usize] = id(k));
+        let list_of = |&p: &u32| {
+            let mut list = Vec::new();
+            touching(p, &mut list);
+            list.iter_mut().for_each(|n| *n = place[*n as usize]);
+            list.retain(|n| *n != u32::MAX);
+            list
+        };
+        let adjacency = members.par_iter().with_min_len(256).map(list_of).collect();
+        Self { positions: members.iter().map(|&p| position(p)).collect(), adjacency }
+    }
+
+    /// The part made of some points (ascending).
+    #[must_use]
+    pub fn part(&self, members: &[u32]) -> Self {
+        let touching = |p: u32, list: &mut Vec<u32>| list.extend_from_slice(&self.adjacency[p as usize]);
+        Self::made_of(members, self.positions.len(), |p| self.positions[p as usize], touching)
     }
 
     /// Indices of the largest connected piece (the first of equals), ascending.
@@ -31,7 +55,7 @@ impl Surface {
                 continue;
             }
             seen[start] = true;
-            let mut piece = vec![crate::numerics::field::id(start)];
+            let mut piece = vec![id(start)];
             let mut next = 0;
             while next < piece.len() {
                 for &n in &self.adjacency[piece[next] as usize] {
