@@ -15,6 +15,8 @@ pub mod graph;
 
 pub mod eigen;
 
+pub mod cells;
+
 pub mod fit;
 
 pub mod surface_nets;

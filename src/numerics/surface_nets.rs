@@ -2,6 +2,7 @@
 //! a vertex in every cell that the surface crosses, a quad across every crossed grid edge.
 
 use nalgebra::{Point3, Vector3};
+use rayon::prelude::*;
 
 use crate::space::Grid;
 
@@ -20,42 +21,70 @@ pub struct Mesh {
 #[must_use]
 pub fn zero_surface(field: &Grid<f32>) -> Mesh {
     let dims = field.dims();
-    let mut mesh = Mesh::default();
     if dims.iter().any(|&d| d < 2) {
-        return mesh;
+        return Mesh::default();
     }
-    let mut vertex = Grid::filled(dims, u32::MAX);
-    for k in 0..dims[2] - 1 {
-        for j in 0..dims[1] - 1 {
-            for i in 0..dims[0] - 1 {
-                if let Some(p) = cell_vertex(field, [i, j, k]) {
-                    vertex[[i, j, k]] = super::field::id(mesh.positions.len());
-                    mesh.positions.push(p);
-                }
+    let layers: Vec<Layer> = (0..dims[2] - 1).into_par_iter().map(|k| Layer::of(field, k)).collect();
+    let mut first = vec![0];
+    for layer in &layers {
+        first.push(first[first.len() - 1] + super::field::id(layer.cells.len()));
+    }
+    let triangles = |k: usize| {
+        let vertex = |[i, j, layer]: [usize; 3]| first[layer] + layers[layer].number(i + dims[0] * j);
+        let mut triangles = Vec::new();
+        // A crossed edge has a crossed cell before it.
+        for &cell in &layers[k].cells {
+            let [i, j] = [cell as usize % dims[0], cell as usize / dims[0]];
+            if i > 0 && j > 0 {
+                (0..3).for_each(|axis| quad(field, vertex, [i, j, k], axis, &mut triangles));
             }
         }
-    }
-    for k in 1..dims[2] - 1 {
-        for j in 1..dims[1] - 1 {
-            for i in 1..dims[0] - 1 {
-                for axis in 0..3 {
-                    quad(field, &vertex, [i, j, k], axis, &mut mesh.triangles);
+        triangles
+    };
+    let triangles = (1..dims[2] - 1).into_par_iter().flat_map_iter(triangles).collect();
+    Mesh { positions: layers.into_iter().flat_map(|layer| layer.vertices).collect(), triangles }
+}
+
+/// The crossed cells between two planes of the grid.
+struct Layer {
+    /// Places of the cells in their plane, ascending.
+    cells: Vec<u32>,
+    /// One vertex for each.
+    vertices: Vec<Point3<f64>>,
+}
+
+impl Layer {
+    fn of(field: &Grid<f32>, k: usize) -> Self {
+        let [nx, ny, _] = field.dims();
+        let row = |j: usize, k: usize| &field.as_slice()[nx * (j + ny * k)..nx * (j + ny * k + 1)];
+        let mut layer = Self { cells: Vec::new(), vertices: Vec::new() };
+        for j in 0..ny - 1 {
+            let rows = [row(j, k), row(j + 1, k), row(j, k + 1), row(j + 1, k + 1)];
+            let inside = |i: usize| rows.iter().filter(|row| row[i] > 0.0).count();
+            let mut here = inside(0);
+            for i in 0..nx - 1 {
+                let next = inside(i + 1);
+                if (1..8).contains(&(here + next)) {
+                    layer.cells.push(super::field::id(i + nx * j));
+                    layer.vertices.push(cell_vertex(field, [i, j, k]));
                 }
+                here = next;
             }
         }
+        layer
     }
-    mesh
+
+    /// The number of a crossed cell.
+    fn number(&self, cell: usize) -> u32 {
+        super::field::id(self.cells.partition_point(|&c| (c as usize) < cell))
+    }
 }
 
 /// Mean of the crossings on the twelve edges of a cell.
-fn cell_vertex(field: &Grid<f32>, cell: [usize; 3]) -> Option<Point3<f64>> {
+fn cell_vertex(field: &Grid<f32>, cell: [usize; 3]) -> Point3<f64> {
     let corner =
         |bits: usize| f64::from(field[[cell[0] + (bits & 1), cell[1] + (bits >> 1 & 1), cell[2] + (bits >> 2 & 1)]]);
     let values: [f64; 8] = std::array::from_fn(corner);
-    let inside = values.iter().filter(|v| **v > 0.0).count();
-    if inside == 0 || inside == 8 {
-        return None;
-    }
     let (mut sum, mut count) = (Vector3::zeros(), 0.0);
     for axis in 0..3 {
         for a in (0..8).filter(|a| a >> axis & 1 == 0) {
@@ -69,11 +98,17 @@ fn cell_vertex(field: &Grid<f32>, cell: [usize; 3]) -> Option<Point3<f64>> {
             }
         }
     }
-    Some(Point3::from(Vector3::new(cell[0] as f64, cell[1] as f64, cell[2] as f64) + sum / count))
+    Point3::from(Vector3::new(cell[0] as f64, cell[1] as f64, cell[2] as f64) + sum / count)
 }
 
 /// The quad across the edge from `at` one step along `axis`.
-fn quad(field: &Grid<f32>, vertex: &Grid<u32>, at: [usize; 3], axis: usize, triangles: &mut Vec<[u32; 3]>) {
+fn quad(
+    field: &Grid<f32>,
+    vertex: impl Fn([usize; 3]) -> u32,
+    at: [usize; 3],
+    axis: usize,
+    triangles: &mut Vec<[u32; 3]>,
+) {
     let mut next = at;
     next[axis] += 1;
     let (inside, inside_next) = (field[at] > 0.0, field[next] > 0.0);
@@ -85,7 +120,7 @@ fn quad(field: &Grid<f32>, vertex: &Grid<u32>, at: [usize; 3], axis: usize, tria
         let mut cell = at;
         cell[p] -= dp;
         cell[q] -= dq;
-        vertex[cell]
+        vertex(cell)
     };
     let mut around = [corner(1, 1), corner(0, 1), corner(0, 0), corner(1, 0)];
     if !inside {

@@ -1,8 +1,11 @@
 //! Stage 8, second part: the solid that cells and crest wedges fill, against the mask on the
 //! working grid.
 
+use std::ops::Range;
+
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use nalgebra::{Matrix3, Point3, Vector3};
+use rayon::prelude::*;
 
 use crate::numerics::field::floor_index;
 use crate::space::Grid;
@@ -29,7 +32,7 @@ const COVERED: f64 = 1.0;
 #[must_use]
 pub fn coverage(solid: &Solid, depth: &Depth, figures: &[Nodes]) -> (Coverage, Vec<Coverage>) {
     let owners = Owners::of(figures);
-    let skin_owner: Vec<usize> = depth.skin.iter().map(|s| owners.of_point(s.position)).collect();
+    let skin_owner: Vec<usize> = depth.skin.par_iter().map(|s| owners.of_point(s.position)).collect();
     let skin_points = Nearest::new(&depth.skin);
     let samples: Vec<Vec<SkinPoint>> = figures.iter().map(|nodes| surface_samples(nodes.into())).collect();
     let (dice, dice_of) = overlaps(&solid.mask, figures, &owners);
@@ -72,7 +75,7 @@ impl<'a> Nearest<'a> {
         let Some(tree) = &self.tree else { return vec![f64::INFINITY; from.len()] };
         let nearest =
             |p: Point3<f64>| tree.query(&[p.x, p.y, p.z]).nearest_one::<SquaredEuclidean<f64>>().execute().item;
-        from.iter().map(|s| self.points[nearest(s.position) as usize].distance(s.position)).collect()
+        from.par_iter().map(|s| self.points[nearest(s.position) as usize].distance(s.position)).collect()
     }
 }
 
@@ -134,32 +137,33 @@ fn summary(mut voxels: Vec<f64>, voxel_mm: f64) -> DistanceSummary {
 /// Dice of the mask with the union of all cells and wedges, and of each figure's share of the
 /// mask with its own.
 fn overlaps(mask: &Grid<bool>, figures: &[Nodes], owners: &Owners) -> (f64, Vec<f64>) {
-    let inside = mask.as_slice();
-    let mut shares = vec![0usize; figures.len()];
-    let owner_of = |offset: usize| owners.of_point(Point3::from(mask.index(offset).map(|x| x as f64)));
-    let owner: Vec<(usize, usize)> =
-        (0..inside.len()).filter(|&o| inside[o]).map(|offset| (offset, owner_of(offset))).collect();
-    let mut union = Grid::filled(mask.dims(), false);
-    let mut each = Vec::new();
-    owner.iter().for_each(|(_, figure)| shares[*figure] += 1);
-    for (number, nodes) in figures.iter().enumerate() {
-        let mut covered = Grid::filled(mask.dims(), false);
-        tetrahedra(nodes.into()).iter().for_each(|tet| fill(&mut covered, tet));
-        let filled = covered.as_slice();
-        let both = owner.iter().filter(|(offset, figure)| *figure == number && filled[*offset]).count();
-        each.push(dice(both, shares[number], count(filled)));
-        union.as_mut_slice().iter_mut().zip(filled).for_each(|(all, own)| *all |= own);
-    }
-    let both = owner.iter().filter(|(offset, _)| union.as_slice()[*offset]).count();
-    (dice(both, owner.len(), count(union.as_slice())), each)
-}
-
-fn count(filled: &[bool]) -> usize {
-    filled.iter().filter(|f| **f).count()
-}
-
-fn dice(both: usize, one: usize, other: usize) -> f64 {
-    2.0 * both as f64 / (one + other).max(1) as f64
+    let filled: Vec<Grid<bool>> = figures.iter().map(|nodes| filled(mask.dims(), nodes.into())).collect();
+    let [nx, ny, _] = mask.dims();
+    // Of all figures together, and then of each: voxels of the mask, of the model, and of both.
+    let of_row = |(row, cells): (usize, &[bool])| {
+        let mut counts = vec![[0usize; 3]; 1 + figures.len()];
+        for (i, &in_mask) in cells.iter().enumerate() {
+            let is_filled = |grid: &Grid<bool>| grid.as_slice()[row * nx + i];
+            let mut add = |n: usize, in_mask: bool, in_model: bool| {
+                let all = [in_mask, in_model, in_mask && in_model];
+                counts[n].iter_mut().zip(all).for_each(|(count, holds)| *count += usize::from(holds));
+            };
+            add(0, in_mask, filled.iter().any(is_filled));
+            if figures.len() > 1 {
+                let at = Point3::from([i, row % ny, row / ny].map(|x| x as f64));
+                let owner = in_mask.then(|| owners.of_point(at));
+                filled.iter().enumerate().for_each(|(n, grid)| add(n + 1, owner == Some(n), is_filled(grid)));
+            }
+        }
+        counts
+    };
+    let sum = |a: Vec<[usize; 3]>, b: Vec<[usize; 3]>| {
+        a.iter().zip(b).map(|(a, b)| [a[0] + b[0], a[1] + b[1], a[2] + b[2]]).collect()
+    };
+    let rows = mask.as_slice().par_chunks(nx).enumerate().with_min_len(64);
+    let counts = rows.map(of_row).reduce(|| vec![[0; 3]; 1 + figures.len()], sum);
+    let dice = |[mask, model, both]: &[usize; 3]| 2.0 * *both as f64 / (mask + model).max(1) as f64;
+    (dice(&counts[0]), counts[1..].iter().map(dice).collect())
 }
 
 type Tetrahedron = [Point3<f64>; 4];
@@ -187,28 +191,75 @@ fn prism([a, b, c]: [Point3<f64>; 3], [d, e, f]: [Point3<f64>; 3]) -> [Tetrahedr
     [[a, b, c, d], [b, c, d, e], [c, d, e, f]]
 }
 
-/// Marks the voxels whose centres lie in a tetrahedron.
-fn fill(covered: &mut Grid<bool>, [o, a, b, c]: &Tetrahedron) {
-    /// Points this much outside count as inside, so that no voxel falls between two cells.
-    const SEAM: f64 = 1e-9;
-    let Some(inverse) = Matrix3::from_columns(&[a - o, b - o, c - o]).try_inverse() else { return };
-    let dims = covered.dims();
-    let bounds: [(usize, usize); 3] = std::array::from_fn(|x| {
-        let all = [o[x], a[x], b[x], c[x]];
-        let low = all.iter().copied().fold(f64::INFINITY, f64::min).ceil().max(0.0);
-        let high = all.iter().copied().fold(f64::NEG_INFINITY, f64::max).floor().min((dims[x] - 1) as f64);
-        if high < low { (1, 0) } else { (floor_index(low), floor_index(high)) }
-    });
-    for k in bounds[2].0..=bounds[2].1 {
-        for j in bounds[1].0..=bounds[1].1 {
-            for i in bounds[0].0..=bounds[0].1 {
-                let w = inverse * (Point3::new(i as f64, j as f64, k as f64) - o);
-                if w.min() >= -SEAM && w.sum() <= 1.0 + SEAM {
-                    covered[[i, j, k]] = true;
+/// The voxels whose centres lie in the cells and wedges of a figure.
+fn filled(dims: [usize; 3], shell: Shell<'_>) -> Grid<bool> {
+    /// Planes of the grid that one thread takes at a time.
+    const PLANES: usize = 4;
+    let cuts: Vec<Cut> = tetrahedra(shell).iter().filter_map(Cut::of).collect();
+    let mut grid = Grid::filled(dims, false);
+    let plane = dims[0] * dims[1];
+    grid.as_mut_slice().par_chunks_mut(PLANES * plane).enumerate().for_each(|(n, planes)| {
+        let from = n * PLANES;
+        for cut in &cuts {
+            for k in cut.range(2, from, from + planes.len() / plane) {
+                let rows = &mut planes[(k - from) * plane..(k - from + 1) * plane];
+                for j in cut.range(1, 0, dims[1]) {
+                    rows[dims[0] * j..dims[0] * (j + 1)][cut.along_row(j, k, dims[0])].fill(true);
                 }
             }
         }
+    });
+    grid
+}
+
+/// A tetrahedron as the places where its four barycentric coordinates are positive.
+struct Cut {
+    low: Point3<f64>,
+    high: Point3<f64>,
+    /// Each coordinate at the origin, and its slopes.
+    coordinates: [(f64, Vector3<f64>); 4],
+}
+
+impl Cut {
+    /// `None` for a flat one.
+    fn of([o, a, b, c]: &Tetrahedron) -> Option<Self> {
+        let inverse = Matrix3::from_columns(&[a - o, b - o, c - o]).try_inverse()?;
+        let along = [0, 1, 2].map(|r| inverse.row(r).transpose());
+        let [x, y, z] = along.map(|slope| (-slope.dot(&o.coords), slope));
+        let rest = (1.0 - x.0 - y.0 - z.0, -(x.1 + y.1 + z.1));
+        let low = o.coords.inf(&a.coords).inf(&b.coords.inf(&c.coords)).into();
+        let high = o.coords.sup(&a.coords).sup(&b.coords.sup(&c.coords)).into();
+        Some(Self { low, high, coordinates: [x, y, z, rest] })
     }
+
+    /// Indices along an axis that its box reaches, from `first` and below `end`.
+    fn range(&self, axis: usize, first: usize, end: usize) -> Range<usize> {
+        whole_numbers(self.low[axis].max(first as f64), self.high[axis].min(end as f64 - 1.0))
+    }
+
+    /// The voxels of a row that lie in it.
+    fn along_row(&self, j: usize, k: usize, end: usize) -> Range<usize> {
+        /// Points this much outside count as inside, so that no voxel falls between two cells.
+        const SEAM: f64 = 1e-9;
+        let (mut low, mut high) = (self.low.x.max(0.0), self.high.x.min(end as f64 - 1.0));
+        for (constant, slope) in &self.coordinates {
+            let at_start = constant + slope.y * j as f64 + slope.z * k as f64 + SEAM;
+            let zero = -at_start / slope.x;
+            if slope.x > 0.0 {
+                low = low.max(zero);
+            } else if slope.x < 0.0 {
+                high = high.min(zero);
+            } else if at_start < 0.0 {
+                return 0..0;
+            }
+        }
+        whole_numbers(low, high)
+    }
+}
+
+/// Whole numbers from `low` to `high`, both included and not negative.
+fn whole_numbers(low: f64, high: f64) -> Range<usize> {
+    if low.ceil() > high { 0..0 } else { floor_index(low.ceil())..floor_index(high) + 1 }
 }
 
 /// Points spread over the outer surface of a figure: upper, lower and the crest strips.

@@ -8,7 +8,7 @@
 
 use nalgebra::{Point2, Point3, SVector, Vector2, Vector3};
 
-use crate::numerics::field::{floor_index, id};
+use crate::numerics::cells::Cells;
 use crate::numerics::fit::{LocalFit, quadratic};
 
 use super::model::ring;
@@ -210,9 +210,7 @@ pub struct SpaceFromPlane<'a> {
     flat: &'a [Point2<f64>],
     positions: &'a [Point3<f64>],
     values: &'a [f64],
-    origin: Point2<f64>,
-    cells: [usize; 2],
-    members: Vec<Vec<u32>>,
+    cells: Cells,
     overreach: f64,
 }
 
@@ -233,16 +231,7 @@ impl<'a> SpaceFromPlane<'a> {
     /// From the points' plane coordinates, positions and a value each (may be empty: then 0).
     #[must_use]
     pub fn new(flat: &'a [Point2<f64>], positions: &'a [Point3<f64>], values: &'a [f64]) -> Self {
-        let low = flat.iter().fold(Vector2::repeat(f64::INFINITY), |a, p| a.inf(&p.coords));
-        let high = flat.iter().fold(Vector2::repeat(f64::NEG_INFINITY), |a, p| a.sup(&p.coords));
-        let cells = [0, 1].map(|a| floor_index((high - low)[a] / FIT_RADIUS) + 1);
-        let members = vec![Vec::new(); cells[0] * cells[1]];
-        let mut map = Self { flat, positions, values, origin: low.into(), cells, members, overreach: OVERREACH };
-        for (k, p) in flat.iter().enumerate() {
-            let [i, j] = map.cell(*p);
-            map.members[i + cells[0] * j].push(id(k));
-        }
-        map
+        Self { flat, positions, values, cells: Cells::new(flat, FIT_RADIUS), overreach: OVERREACH }
     }
 
     /// The map of points that reach up to the rim: a place far from all of them lies in a hole, and is
@@ -250,20 +239,6 @@ impl<'a> SpaceFromPlane<'a> {
     #[must_use]
     pub fn over_holes(self) -> Self {
         Self { overreach: f64::INFINITY, ..self }
-    }
-
-    fn cell(&self, p: Point2<f64>) -> [usize; 2] {
-        [0, 1].map(|a| floor_index((p - self.origin)[a] / FIT_RADIUS).min(self.cells[a] - 1))
-    }
-
-    /// Points within a few cells of `p`.
-    fn around(&self, p: Point2<f64>, radius: f64) -> impl Iterator<Item = usize> + '_ {
-        let reach = floor_index((radius / FIT_RADIUS).ceil());
-        let [i, j] = self.cell(p);
-        let (i0, i1) = (i.saturating_sub(reach), (i + reach).min(self.cells[0] - 1));
-        let (j0, j1) = (j.saturating_sub(reach), (j + reach).min(self.cells[1] - 1));
-        let cells = (j0..=j1).flat_map(move |j| (i0..=i1).map(move |i| (i, j)));
-        cells.flat_map(|(i, j)| self.members[i + self.cells[0] * j].iter().map(|k| *k as usize))
     }
 
     /// The point of space at `p`. Fits are read no further than [`OVERREACH`] from the points they
@@ -296,7 +271,7 @@ impl<'a> SpaceFromPlane<'a> {
         let distance = |k: usize| (self.flat[k] - p).norm();
         let closest =
             |points: &mut dyn Iterator<Item = usize>| points.min_by(|&a, &b| distance(a).total_cmp(&distance(b)));
-        let near = closest(&mut self.around(p, FIT_RADIUS)).filter(|&k| distance(k) <= FIT_RADIUS);
+        let near = closest(&mut self.cells.around(p, FIT_RADIUS)).filter(|&k| distance(k) <= FIT_RADIUS);
         let k = near.or_else(|| closest(&mut (0..self.flat.len()))).unwrap_or(0);
         (k, distance(k))
     }
@@ -307,7 +282,7 @@ impl<'a> SpaceFromPlane<'a> {
             let value = self.values.get(k).copied().unwrap_or(0.0);
             (self.flat[k], SVector::<f64, 4>::new(x.x, x.y, x.z, value))
         };
-        quadratic(p, radius, self.around(p, radius).map(sample))
+        quadratic(p, radius, self.cells.around(p, radius).map(sample))
     }
 
     fn bare(&self, k: usize) -> Node {

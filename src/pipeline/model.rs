@@ -326,7 +326,7 @@ pub struct Structure {
 
 /// Wall milliseconds of each stage, in the order of [`Stage::ALL`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct StageTimings(pub [f64; 8]);
+pub struct StageTimings(pub [f64; Stage::ALL.len()]);
 
 impl StageTimings {
     /// Milliseconds of one stage.

@@ -3,7 +3,9 @@
 /// The stages in the order of the paper; their names are those of `timings_ms`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Stage {
-    /// Cropping, resampling and the signed distance of the mask.
+    /// Cutting out, cleaning, resampling and smoothing the mask.
+    Mask,
+    /// The skin and the depth of every voxel below it.
     Distance,
     /// Thinning to the medial surface.
     Skeleton,
@@ -23,7 +25,8 @@ pub enum Stage {
 
 impl Stage {
     /// All stages in order.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
+        Self::Mask,
         Self::Distance,
         Self::Skeleton,
         Self::Sheets,
@@ -38,6 +41,7 @@ impl Stage {
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
+            Self::Mask => "mask",
             Self::Distance => "distance",
             Self::Skeleton => "skeleton",
             Self::Sheets => "sheets",

@@ -13,9 +13,12 @@ use super::outline::{Arc, PITCH, Region};
 
 /// Nodes of the table along each side of the square.
 const TABLE: usize = 129;
-/// Over-relaxation of the Laplace solver: near the best for a grid of 100 pixels.
-const OVER_RELAXATION: f64 = 1.93;
-/// Sweeps at most. 150 are the rule for 100 pixels across.
+/// Pixels along the longer side of the finest raster that Laplace's equation is solved on, at the
+/// most: two for each entry of the table.
+const MOST_PIXELS: usize = 256;
+/// Pixels along the longer side of the coarsest raster, from which the others start.
+const LEAST_PIXELS: usize = 24;
+/// Sweeps at most. 30 to 60 are the rule.
 const MAX_SWEEPS: usize = 2000;
 /// Change of a share at which the solver ends.
 const SETTLED: f64 = 1e-5;
@@ -28,44 +31,20 @@ pub struct Patch {
     table: Vec<Vector2<f64>>,
 }
 
-/// A pixel of the region.
-#[derive(Clone, Copy, PartialEq)]
-enum Pixel {
-    Outside,
-    Rim,
-    Inner,
-}
-
 impl Patch {
     /// From a region and the four pieces of its outline, counter-clockwise from the bottom.
     #[must_use]
     pub fn harmonic(region: &Region, sides: &[Arc; 4]) -> Self {
-        let grid = &region.level.0;
-        let [nx, ny, _] = grid.dims();
-        let is_inside = |o: usize| grid.as_slice()[o] > 0.0;
-        let kind: Vec<Pixel> = (0..nx * ny)
-            .map(|o| match is_inside(o) {
-                false => Pixel::Outside,
-                true if [o - 1, o + 1, o - nx, o + nx].iter().all(|&n| is_inside(n)) => Pixel::Inner,
-                true => Pixel::Rim,
-            })
-            .collect();
-        let place = |o: usize| region.origin + Vector2::new((o % nx) as f64, (o / nx) as f64) * PITCH;
-        let rim = RimShares::of(sides);
-        let mut shares: Vec<Vector2<f64>> = (0..nx * ny)
-            .map(|o| match kind[o] {
-                Pixel::Rim => rim.nearest(place(o)),
-                // A first guess; the solver forgets it.
-                _ => Vector2::new((o % nx) as f64 / nx as f64, (o / nx) as f64 / ny as f64),
-            })
-            .collect();
-        relax(&kind, &mut shares, nx);
+        let [nx, ny, _] = region.level.0.dims();
+        let stride = nx.max(ny).div_ceil(MOST_PIXELS);
+        let raster = Raster::solved(region, &RimShares::of(sides), stride);
         let mut patch = Self { rows: TABLE, cols: TABLE, table: vec![Vector2::repeat(f64::NAN); TABLE * TABLE] };
-        for o in (0..nx * ny - nx - 1).filter(|&o| is_inside(o)) {
-            let corners = [o, o + 1, o + nx + 1, o + nx];
-            if corners.iter().all(|&c| is_inside(c)) {
+        let width = raster.dims[0];
+        for o in (0..raster.kind.len() - width - 1).filter(|&o| raster.is_inside(o)) {
+            let corners = [o, o + 1, o + width + 1, o + width];
+            if corners.iter().all(|&c| raster.is_inside(c)) {
                 for t in [[0, 1, 2], [0, 2, 3]] {
-                    patch.fill(t.map(|k| (shares[corners[k]], place(corners[k]).coords)));
+                    patch.fill(t.map(|k| (raster.shares[corners[k]], raster.place(corners[k]).coords)));
                 }
             }
         }
@@ -143,19 +122,118 @@ impl Patch {
     }
 }
 
-/// Solves Laplace's equation for both shares on the inner pixels.
-fn relax(kind: &[Pixel], shares: &mut [Vector2<f64>], nx: usize) {
-    let inner: Vec<usize> = (0..kind.len()).filter(|&o| kind[o] == Pixel::Inner).collect();
-    for _ in 0..MAX_SWEEPS {
-        let mut moved = 0.0f64;
-        for &o in &inner {
-            let mean = (shares[o - 1] + shares[o + 1] + shares[o - nx] + shares[o + nx]) / 4.0;
-            let step = (mean - shares[o]) * OVER_RELAXATION;
-            shares[o] += step;
-            moved = moved.max(step.x.abs().max(step.y.abs()));
+/// A pixel of the region.
+#[derive(Clone, Copy, PartialEq)]
+enum Pixel {
+    Outside,
+    Rim,
+    Inner,
+}
+
+/// The shares of the square at the pixels of a region, every few pixels of its own raster.
+struct Raster {
+    origin: Point2<f64>,
+    dims: [usize; 2],
+    stride: usize,
+    kind: Vec<Pixel>,
+    shares: Vec<Vector2<f64>>,
+}
+
+impl Raster {
+    /// Solved on a raster of half as many pixels along each side first, on which what is smooth
+    /// settles at a quarter of the cost.
+    fn solved(region: &Region, rim: &RimShares, stride: usize) -> Self {
+        let [nx, ny, _] = region.level.0.dims();
+        let is_coarsest = nx.max(ny) / stride < 2 * LEAST_PIXELS;
+        let coarse = (!is_coarsest).then(|| Self::solved(region, rim, 2 * stride));
+        let mut raster = Self::blank(region, stride);
+        raster.shares = (0..raster.kind.len())
+            .map(|o| match (raster.kind[o], &coarse) {
+                (Pixel::Rim, _) => rim.nearest(raster.place(o)),
+                (Pixel::Inner, Some(coarse)) => {
+                    coarse.read(raster.at(o)).unwrap_or_else(|| rim.nearest(raster.place(o)))
+                }
+                _ => Vector2::repeat(0.5),
+            })
+            .collect();
+        raster.relax();
+        raster
+    }
+
+    fn blank(region: &Region, stride: usize) -> Self {
+        let level = &region.level.0;
+        // One pixel more on every side, so that all inside have neighbours.
+        let dims = [0, 1].map(|a| level.dims()[a].div_ceil(stride) + 2);
+        let is_inside = |i: usize, j: usize| {
+            let at = [i.wrapping_sub(1).wrapping_mul(stride), j.wrapping_sub(1).wrapping_mul(stride), 0];
+            at[0] < level.dims()[0] && at[1] < level.dims()[1] && level[at] > 0.0
+        };
+        let kind = |o: usize| {
+            let (i, j) = (o % dims[0], o / dims[0]);
+            if i == 0 || j == 0 || !is_inside(i, j) {
+                Pixel::Outside
+            } else if is_inside(i - 1, j) && is_inside(i + 1, j) && is_inside(i, j - 1) && is_inside(i, j + 1) {
+                Pixel::Inner
+            } else {
+                Pixel::Rim
+            }
+        };
+        let kind = (0..dims[0] * dims[1]).map(kind).collect();
+        Self { origin: region.origin, dims, stride, kind, shares: Vec::new() }
+    }
+
+    fn is_inside(&self, o: usize) -> bool {
+        self.kind[o] != Pixel::Outside
+    }
+
+    /// A pixel in those of the region.
+    fn at(&self, o: usize) -> Vector2<f64> {
+        let [i, j] = [o % self.dims[0], o / self.dims[0]].map(|x| x as f64 - 1.0);
+        Vector2::new(i, j) * self.stride as f64
+    }
+
+    fn place(&self, o: usize) -> Point2<f64> {
+        self.origin + self.at(o) * PITCH
+    }
+
+    /// The mean of the pixels around a place (in pixels of the region) that are inside, weighted as for
+    /// bilinear interpolation; `None` when there is none.
+    fn read(&self, at: Vector2<f64>) -> Option<Vector2<f64>> {
+        let at = at / self.stride as f64 + Vector2::repeat(1.0);
+        let [i, j] = [floor_index(at.x), floor_index(at.y)];
+        let (a, b) = (at.x - i as f64, at.y - j as f64);
+        let (mut sum, mut total) = (Vector2::zeros(), 0.0);
+        for (di, dj, weight) in
+            [(0, 0, (1.0 - a) * (1.0 - b)), (1, 0, a * (1.0 - b)), (0, 1, (1.0 - a) * b), (1, 1, a * b)]
+        {
+            let o = i + di + self.dims[0] * (j + dj);
+            if weight > 0.0 && self.kind.get(o).is_some_and(|kind| *kind != Pixel::Outside) {
+                sum += self.shares[o] * weight;
+                total += weight;
+            }
         }
-        if moved < SETTLED {
-            break;
+        (total > 0.0).then(|| sum / total)
+    }
+
+    /// Solves Laplace's equation for both shares on the inner pixels, by over-relaxation.
+    fn relax(&mut self) {
+        let width = self.dims[0];
+        let inner: Vec<usize> = (0..self.kind.len()).filter(|&o| self.kind[o] == Pixel::Inner).collect();
+        // The best factor of a square of this many pixels; a longer region settles no slower.
+        let across = (inner.len() as f64).sqrt().max(2.0);
+        let factor = 2.0 / (1.0 + (std::f64::consts::PI / across).sin());
+        let shares = &mut self.shares;
+        for _ in 0..MAX_SWEEPS {
+            let mut moved = 0.0f64;
+            for &o in &inner {
+                let mean = (shares[o - 1] + shares[o + 1] + shares[o - width] + shares[o + width]) / 4.0;
+                let step = (mean - shares[o]) * factor;
+                shares[o] += step;
+                moved = moved.max(step.x.abs().max(step.y.abs()));
+            }
+            if moved < SETTLED {
+                break;
+            }
         }
     }
 }

@@ -8,6 +8,9 @@
 //! across. The rim is found from there on as for any other part of the sheet.
 
 use nalgebra::{Matrix2, Matrix3, Matrix3x2, Point2, Point3, SymmetricEigen, Vector2, Vector3};
+use rayon::prelude::*;
+
+use crate::numerics::cells::Cells;
 
 use super::depth::Depth;
 use super::sides::SheetSides;
@@ -48,6 +51,8 @@ const LEAST_RADIUS: f64 = 0.25;
 /// Smallest share of the spread across that the spread along the normal may take for the points
 /// themselves to tell the normal.
 const FLATNESS: f64 = 0.3;
+/// Points that one thread takes at a time.
+const POINTS_PER_TASK: usize = 256;
 
 /// Points of a sheet in its plane and in space. Lengths are voxels.
 #[derive(Clone, Debug, Default)]
@@ -87,7 +92,7 @@ pub fn unfolded(sheet: &SheetSides, flat: &[Point2<f64>]) -> Vec<Point2<f64>> {
         let share = strip.sure * below(narrow / wide.max(1e-9), FLATTENED);
         flat[k] + (strip.middle + strip.across_flat * strip.offset - flat[k]) * share
     };
-    (0..flat.len()).map(moved).collect()
+    (0..flat.len()).into_par_iter().with_min_len(POINTS_PER_TASK).map(moved).collect()
 }
 
 /// The sheet's points, followed by those that widen its thin strips.
@@ -98,22 +103,26 @@ pub fn widened(sheet: &SheetSides, flat: &[Point2<f64>], depth: &Depth) -> Sheet
     let around = Around::new(flat, &sheet.medial.positions);
     let hand = handedness(sheet, &around);
     let least_radius = LEAST_RADIUS * median(&sheet.radii);
-    for (k, radius) in sheet.radii.iter().enumerate() {
-        let Some(strip) = around.strip(k, &sheet.normals, hand).filter(|s| s.widths[0] < THIN && s.sure > 0.5) else {
-            continue;
+    let thin = |k: usize| {
+        let radius = sheet.radii[k];
+        let strip = around.strip(k, &sheet.normals, hand).filter(|s| s.widths[0] < THIN && s.sure > 0.5);
+        let strip = strip.filter(|_| radius >= least_radius);
+        let beside = |strip: Strip| {
+            let place = |aside: f64| {
+                let position = sheet.medial.positions[k] + strip.across * aside;
+                let below = depth.at(position);
+                (below > LEAST_DEPTH * radius).then(|| (flat[k] + strip.across_flat * aside, position, below))
+            };
+            ASIDE.map(place)
         };
-        if *radius < least_radius {
-            continue;
-        }
-        for aside in ASIDE {
-            let position = sheet.medial.positions[k] + strip.across * aside;
-            let below = depth.at(position);
-            if below > LEAST_DEPTH * radius {
-                points.flat.push(flat[k] + strip.across_flat * aside);
-                points.positions.push(position);
-                points.radii.push(below);
-            }
-        }
+        strip.map_or([None; 2], beside)
+    };
+    let all = (0..flat.len()).into_par_iter().with_min_len(POINTS_PER_TASK);
+    let added: Vec<_> = all.map(thin).collect();
+    for (flat, position, radius) in added.into_iter().flatten().flatten() {
+        points.flat.push(flat);
+        points.positions.push(position);
+        points.radii.push(radius);
     }
     points
 }
@@ -134,15 +143,17 @@ fn median(values: &[f64]) -> f64 {
 fn handedness(sheet: &SheetSides, around: &Around<'_>) -> f64 {
     let wide = |k: usize| around.part(k).filter(|part| part.narrow() > NARROW[1]);
     let turn = |k: usize| wide(k).map_or(0.0, |part| part.turn(sheet.normals[k]));
-    if (0..sheet.normals.len()).map(turn).sum::<f64>() < 0.0 { -1.0 } else { 1.0 }
+    let points = (0..sheet.normals.len()).into_par_iter().with_min_len(POINTS_PER_TASK);
+    // Summed in the order of the points, not in that of the threads.
+    let turns: Vec<f64> = points.map(turn).collect();
+    if turns.into_iter().sum::<f64>() < 0.0 { -1.0 } else { 1.0 }
 }
 
 /// Search for the part of the sheet around a point.
 struct Around<'a> {
     flat: &'a [Point2<f64>],
     positions: &'a [Point3<f64>],
-    /// Points ascending in u.
-    order: Vec<usize>,
+    cells: Cells,
 }
 
 /// First and second moments of a part of the sheet, from one of its points.
@@ -158,21 +169,17 @@ struct Part {
 
 impl<'a> Around<'a> {
     fn new(flat: &'a [Point2<f64>], positions: &'a [Point3<f64>]) -> Self {
-        let mut order: Vec<usize> = (0..flat.len()).collect();
-        order.sort_by(|&a, &b| flat[a].x.total_cmp(&flat[b].x).then(a.cmp(&b)));
-        Self { flat, positions, order }
+        Self { flat, positions, cells: Cells::new(flat, REACH) }
     }
 
     fn part(&self, k: usize) -> Option<Part> {
         let at = self.flat[k];
-        let first = self.order.partition_point(|&j| self.flat[j].x < at.x - REACH);
-        let near = self.order[first..].iter().take_while(|&&j| self.flat[j].x <= at.x + REACH);
-        let weight = |&j: &usize| {
+        let weight = |j: usize| {
             let share = (self.flat[j] - at).norm() / REACH;
             let is_near = share < 1.0 && (self.positions[j] - self.positions[k]).norm() < STRETCH * REACH;
             is_near.then_some((j, 1.0 - share * share))
         };
-        let members: Vec<(usize, f64)> = near.filter_map(weight).collect();
+        let members: Vec<(usize, f64)> = self.cells.around(at, REACH).filter_map(weight).collect();
         (members.len() >= MIN_POINTS).then(|| self.moments(k, members))
     }
 

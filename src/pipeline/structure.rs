@@ -175,23 +175,25 @@ impl Work<'_> {
         let (params, observer) = (self.params, self.observer);
         let mut timings = StageTimings::default();
         let mut warnings = Vec::new();
-        let prepared = self.stage(&mut timings, Stage::Distance, || {
+        let solid = self.stage(&mut timings, Stage::Mask, || {
             let solid = solid(self.volume, self.index, self.bounds, params.resolution_mm, &mut warnings)?;
-            let solid = match self.repeat {
-                Some(repeat) => perturbed(solid, repeat.number),
-                None => solid,
-            };
-            let depth = depth(&solid);
-            let senses = Senses::of(&solid.inside, &solid.world_from_work);
-            Ok::<_, Refusal>(Body { solid, depth, senses })
+            match self.repeat {
+                Some(repeat) => Ok(perturbed(solid, repeat.number)),
+                None => {
+                    out.object = object_mesh(&solid);
+                    Ok::<_, Refusal>(solid)
+                }
+            }
         })?;
         out.warnings = warnings;
-        let body = prepared?;
-        let Body { solid, depth, senses } = &body;
+        let solid = solid?;
         out.working_voxel_mm = solid.voxel_mm;
-        if self.repeat.is_none() {
-            out.object = object_mesh(solid);
-        }
+        let body = self.stage(&mut timings, Stage::Distance, || {
+            let depth = depth(&solid);
+            let senses = Senses::of(&solid.inside, &solid.world_from_work);
+            Body { solid, depth, senses }
+        })?;
+        let Body { solid, depth, senses } = &body;
         let surface = self.stage(&mut timings, Stage::Skeleton, || medial_surface(solid, depth, observer))??;
         let sheets =
             self.stage(&mut timings, Stage::Sheets, || sheets(&surface, depth, params.prune, params.max_figures))?;
@@ -200,7 +202,8 @@ impl Work<'_> {
         let start = Instant::now();
         let Laid { sheets, flat } = cut(&surface, sheets, params, solid.voxel_mm, observer, &mut out.warnings)?;
         timings.0[Stage::Isomap as usize] += start.elapsed().as_secs_f64() * 1e3;
-        let sheet_sides = self.stage(&mut timings, Stage::Sides, || sides(depth, &solid.world_from_work, &surface, &sheets, senses))??;
+        let sheet_sides = self
+            .stage(&mut timings, Stage::Sides, || sides(depth, &solid.world_from_work, &surface, &sheets, senses))??;
         let drafts = self.drafts(&body, &sheet_sides, flat, &mut timings, &mut out.warnings)?;
         out.timings = timings;
         let figures: Vec<Nodes> = drafts.iter().flatten().map(|d| d.nodes.clone()).collect();
