@@ -1,31 +1,62 @@
 //! Weighted undirected graphs in compressed rows, and shortest paths on them.
 
-/// A weighted undirected graph; the edges of node `a` are `edges[rows[a]..rows[a + 1]]`.
+use super::field::{floor_index, id};
+
+/// Bits that a length takes at most: with more, sums over tens of thousands of edges would not fit.
+const MOST_LENGTH_BITS: u32 = 16;
+/// No way leads here.
+const UNREACHED: u32 = u32::MAX;
+
+/// A weighted undirected graph; the edges of the node kept at `a` are `edges[rows[a]..rows[a + 1]]`.
+///
+/// Searches read all edges again and again. So an edge is four bytes: the step to the place of the other
+/// node above, the length below, in [`Graph::unit`]s. The fewer bits steps take, the more are left for
+/// lengths: 16 for steps of up to 2¹⁵, which is 1 / 65 000 of the longest edge. And nodes are kept in an
+/// order of their own, in which what is searched together should lie together.
 #[derive(Clone, Debug, Default)]
 pub struct Graph {
+    /// The place of each node.
+    place: Vec<u32>,
     rows: Vec<u32>,
-    edges: Vec<(u32, f32)>,
-    /// Length of the longest edge; 0 without edges.
-    longest: f32,
+    edges: Vec<u32>,
+    length_bits: u32,
+    /// Length of one unit; the longest edge has 2^length_bits − 1.
+    unit: f64,
 }
 
 impl Graph {
-    /// From one list of `(neighbour, length)` per node. Lengths must be positive and finite,
-    /// and every edge must be listed from both ends.
+    /// From one list of `(neighbour, length)` per node, and all nodes in the order in which to keep
+    /// them. Lengths must be positive and finite, and every edge must be listed from both ends.
     #[must_use]
-    pub fn from_lists(lists: &[Vec<(u32, f32)>]) -> Self {
-        let mut rows = vec![0];
-        for list in lists {
-            rows.push(rows[rows.len() - 1] + super::field::id(list.len()));
+    pub fn from_lists(lists: &[Vec<(u32, f32)>], order: &[u32]) -> Self {
+        let mut place = vec![0; order.len()];
+        order.iter().enumerate().for_each(|(at, &node)| place[node as usize] = id(at));
+        let (mut widest, mut longest) = (0, f32::MIN_POSITIVE);
+        for (node, list) in lists.iter().enumerate() {
+            for &(next, length) in list {
+                widest = widest.max(place[node].abs_diff(place[next as usize]));
+                longest = longest.max(length);
+            }
         }
-        let longest = lists.iter().flatten().map(|e| e.1).fold(0.0, f32::max);
-        Self { rows, edges: lists.concat(), longest }
+        // One bit more for the sign.
+        let length_bits = widest.leading_zeros().saturating_sub(1).min(MOST_LENGTH_BITS);
+        let most = ((1u32 << length_bits) - 1).max(1);
+        let unit = f64::from(longest) / f64::from(most);
+        let (mut rows, mut edges) = (vec![0], Vec::with_capacity(lists.iter().map(Vec::len).sum()));
+        for (at, &node) in order.iter().enumerate() {
+            for &(next, length) in &lists[node as usize] {
+                let units = id(floor_index(f64::from(length) / unit + 0.5)).clamp(1, most);
+                edges.push(place[next as usize].wrapping_sub(id(at)) << length_bits | units);
+            }
+            rows.push(id(edges.len()));
+        }
+        Self { place, rows, edges, length_bits, unit }
     }
 
     /// Number of nodes.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.rows.len() - 1
+        self.place.len()
     }
 
     /// Whether there is no node.
@@ -40,35 +71,60 @@ impl Graph {
         self.edges.len() as f64 / self.len().max(1) as f64
     }
 
-    /// Neighbours of a node with the lengths of the edges.
-    fn edges(&self, node: usize) -> &[(u32, f32)] {
-        &self.edges[self.rows[node] as usize..self.rows[node + 1] as usize]
+    /// Places that edges lead to from a place, with their lengths in units.
+    fn edges(&self, node: u32) -> impl Iterator<Item = (u32, u32)> + '_ {
+        let row = &self.edges[self.rows[node as usize] as usize..self.rows[node as usize + 1] as usize];
+        let (bits, mask) = (self.length_bits, (1 << self.length_bits) - 1);
+        row.iter().map(move |&edge| (node.wrapping_add_signed(edge.cast_signed() >> bits), edge & mask))
     }
 
     /// Length of the shortest path from `source` to every node; infinite where there is none.
     #[must_use]
     pub fn geodesics(&self, source: usize) -> Vec<f32> {
-        let mut distances = vec![f32::INFINITY; self.len()];
-        self.improve(&mut distances, source);
-        distances
+        let mut distances = vec![UNREACHED; self.len()];
+        self.improve(&mut distances, self.place[source]);
+        #[expect(clippy::cast_possible_truncation, reason = "f32 is as exact as the units")]
+        let length = |d: u32| if d == UNREACHED { f32::INFINITY } else { (f64::from(d) * self.unit) as f32 };
+        self.place.iter().map(|&place| length(distances[place as usize])).collect()
     }
 
-    /// Lowers distances to those from `source` where these are smaller, as if `distances` were to the
+    /// `count` nodes each as far as can be from those before, the first as far as can be from node 0.
+    /// `go_on` is asked before each.
+    ///
+    /// # Errors
+    /// Those of `go_on`.
+    pub fn spread<E>(&self, count: usize, go_on: impl Fn() -> Result<(), E>) -> Result<Vec<usize>, E> {
+        let mut nearest = vec![UNREACHED; self.len()];
+        let Some(&first) = self.place.first() else { return Ok(Vec::new()) };
+        self.improve(&mut nearest, first);
+        let mut next = self.farthest(&nearest);
+        nearest.fill(UNREACHED);
+        let mut nodes = Vec::new();
+        while nodes.len() < count.min(self.len()) {
+            go_on()?;
+            self.improve(&mut nearest, self.place[next]);
+            nodes.push(next);
+            next = self.farthest(&nearest);
+        }
+        Ok(nodes)
+    }
+
+    /// Lowers distances, by place, to those from `source` where these are smaller, as if `distances` were to the
     /// nearest of some sources and this one was added. What is no nearer is not gone through, so that
     /// the cost is that of the part that belongs to the new source.
     ///
     /// Nodes wait in buckets of equal width by their distance (Dial, CACM 12, 1969); one whose
     /// distance is lowered again within its bucket is gone through again, so the outcome is exact.
-    pub fn improve(&self, distances: &mut [f32], source: usize) {
-        /// Buckets per longest edge. More are searched in vain, with fewer more nodes come twice.
-        const PER_EDGE: f32 = 8.0;
+    fn improve(&self, distances: &mut [u32], source: u32) {
+        /// Buckets per longest edge, as bits. With more, more are searched in vain; with fewer, more
+        /// nodes come twice.
+        const BITS_PER_EDGE: u32 = 3;
         /// No edge leads further ahead than by one bucket more: so many are used in turn.
         const BUCKETS: usize = 16;
-        let per_length = PER_EDGE / self.longest.max(f32::MIN_POSITIVE);
-        let bucket_of = |distance: f32| super::field::floor_index(f64::from(distance * per_length));
-        let mut buckets: [Vec<(u32, f32)>; BUCKETS] = Default::default();
-        distances[source] = 0.0;
-        buckets[0].push((super::field::id(source), 0.0));
+        let bucket_of = |distance: u32| (distance >> self.length_bits.saturating_sub(BITS_PER_EDGE)) as usize;
+        let mut buckets: [Vec<(u32, u32)>; BUCKETS] = Default::default();
+        distances[source as usize] = 0;
+        buckets[0].push((source, 0));
         let (mut bucket, mut waiting) = (0, 1usize);
         while waiting > 0 {
             let Some((node, reached)) = buckets[bucket % BUCKETS].pop() else {
@@ -79,8 +135,8 @@ impl Graph {
             if reached > distances[node as usize] {
                 continue;
             }
-            for &(next, length) in self.edges(node as usize) {
-                let through = reached + length;
+            for (next, length) in self.edges(node) {
+                let through = reached.saturating_add(length);
                 if through < distances[next as usize] {
                     distances[next as usize] = through;
                     buckets[bucket_of(through) % BUCKETS].push((next, through));
@@ -90,31 +146,43 @@ impl Graph {
         }
     }
 
+    /// The farthest node that can be reached, the first of equals.
+    fn farthest(&self, distances: &[u32]) -> usize {
+        let mut best = (0, 0);
+        for (node, &place) in self.place.iter().enumerate() {
+            let distance = distances[place as usize];
+            if distance != UNREACHED && distance > best.1 {
+                best = (node, distance);
+            }
+        }
+        best.0
+    }
+
     /// Component number of every node, numbered by their first node, and their sizes.
     #[must_use]
     pub fn components(&self) -> (Vec<usize>, Vec<usize>) {
         let mut number = vec![usize::MAX; self.len()];
         let mut sizes = Vec::new();
         let mut stack = Vec::new();
-        for start in 0..self.len() {
-            if number[start] != usize::MAX {
+        for &start in &self.place {
+            if number[start as usize] != usize::MAX {
                 continue;
             }
             let mut size = 0;
-            number[start] = sizes.len();
+            number[start as usize] = sizes.len();
             stack.push(start);
-            while let Some(node) = stack.pop() {
+            while let Some(place) = stack.pop() {
                 size += 1;
-                for next in self.edges(node).iter().map(|e| e.0 as usize) {
-                    if number[next] == usize::MAX {
-                        number[next] = sizes.len();
+                for (next, _) in self.edges(place) {
+                    if number[next as usize] == usize::MAX {
+                        number[next as usize] = sizes.len();
                         stack.push(next);
                     }
                 }
             }
             sizes.push(size);
         }
-        (number, sizes)
+        (self.place.iter().map(|&place| number[place as usize]).collect(), sizes)
     }
 }
 
@@ -126,7 +194,7 @@ mod tests {
     fn shortest_paths_take_the_shorter_way_round() {
         let ring: Vec<Vec<(u32, f32)>> =
             (0..6u32).map(|a| vec![((a + 1) % 6, 1.0), ((a + 5) % 6, 1.0)]).chain([vec![]]).collect();
-        let graph = Graph::from_lists(&ring);
+        let graph = Graph::from_lists(&ring, &[3, 0, 6, 1, 5, 2, 4]);
         assert_eq!(graph.geodesics(0), [0.0, 1.0, 2.0, 3.0, 2.0, 1.0, f32::INFINITY]);
         assert_eq!(graph.components().1, [6, 1]);
     }
@@ -137,31 +205,55 @@ mod tests {
         let length = |a: usize, b: usize| (place(a)[0] - place(b)[0]).hypot(place(a)[1] - place(b)[1]);
         let list = |a: usize| (0..300).filter(move |&b| b != a && length(a, b) < 4.0);
         let edges = |a: usize| list(a).map(|b| (u32::try_from(b).expect("small"), length(a, b).max(0.01))).collect();
-        Graph::from_lists(&(0..300).map(edges).collect::<Vec<_>>())
+        let order: Vec<u32> = (0..300).map(|n| n * 7 % 300).collect();
+        Graph::from_lists(&(0..300).map(edges).collect::<Vec<_>>(), &order)
     }
 
     #[test]
     fn buckets_find_the_lengths_that_relaxing_all_edges_finds() {
         let graph = strip();
-        let mut expected = vec![f32::INFINITY; graph.len()];
-        expected[5] = 0.0;
+        let mut expected = vec![UNREACHED; graph.len()];
+        expected[5] = 0;
         for _ in 0..graph.len() {
-            for node in 0..graph.len() {
-                for &(next, length) in graph.edges(node) {
-                    expected[next as usize] = expected[next as usize].min(expected[node] + length);
+            for node in (0..300).filter(|&n| expected[n as usize] != UNREACHED) {
+                for (next, length) in graph.edges(node).collect::<Vec<_>>() {
+                    expected[next as usize] = expected[next as usize].min(expected[node as usize] + length);
                 }
             }
         }
-        assert_eq!(graph.geodesics(5), expected);
+        let mut found = vec![UNREACHED; graph.len()];
+        graph.improve(&mut found, 5);
+        assert_eq!(found, expected);
     }
 
     #[test]
     fn an_added_source_gives_the_distances_to_the_nearer_one() {
         let graph = strip();
-        let mut nearest = graph.geodesics(0);
-        graph.improve(&mut nearest, 200);
+        let mut nearest = vec![UNREACHED; graph.len()];
+        graph.improve(&mut nearest, graph.place[0]);
+        graph.improve(&mut nearest, graph.place[200]);
         let [a, b] = [0, 200].map(|source| graph.geodesics(source));
-        let apart = |n: usize| (nearest[n] - a[n].min(b[n])).abs();
-        assert!((0..graph.len()).all(|n| nearest[n] == a[n] || apart(n) < 1e-4));
+        let unit = graph.unit;
+        let nearest: Vec<u32> = graph.place.iter().map(|&place| nearest[place as usize]).collect();
+        assert!((0..graph.len()).all(|n| (f64::from(nearest[n]) * unit - f64::from(a[n].min(b[n]))).abs() < unit));
+    }
+
+    #[test]
+    fn lengths_are_kept_to_a_small_share_of_the_longest() {
+        let far = 3_000_000u32;
+        let mut lists = vec![Vec::new(); far as usize + 1];
+        lists[0] = vec![(1, 1.25), (far, 3.0)];
+        (lists[1], lists[far as usize]) = (vec![(0, 1.25)], vec![(0, 3.0)]);
+        // Steps of three million leave 9 bits for lengths.
+        let distances = Graph::from_lists(&lists, &(0..=far).collect::<Vec<_>>()).geodesics(1);
+        assert!((distances[0] - 1.25).abs() < 3.0 / 512.0 && (distances[far as usize] - 4.25).abs() < 3.0 / 256.0);
+    }
+
+    #[test]
+    fn spread_nodes_are_the_ends_of_a_line_and_then_its_middle() {
+        let line: Vec<Vec<(u32, f32)>> = (0..9u32)
+            .map(|a| [a.checked_sub(1), (a < 8).then_some(a + 1)].into_iter().flatten().map(|b| (b, 1.0)).collect())
+            .collect();
+        assert_eq!(Graph::from_lists(&line, &[0, 1, 2, 3, 4, 5, 6, 7, 8]).spread(3, || Ok::<_, ()>(())), Ok(vec![8, 0, 4]));
     }
 }
