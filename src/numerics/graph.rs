@@ -254,6 +254,9 @@ mod tests {
         let line: Vec<Vec<(u32, f32)>> = (0..9u32)
             .map(|a| [a.checked_sub(1), (a < 8).then_some(a + 1)].into_iter().flatten().map(|b| (b, 1.0)).collect())
             .collect();
-        assert_eq!(Graph::from_lists(&line, &[0, 1, 2, 3, 4, 5, 6, 7, 8]).spread(3, || Ok::<_, ()>(())), Ok(vec![8, 0, 4]));
+        assert_eq!(
+            Graph::from_lists(&line, &[0, 1, 2, 3, 4, 5, 6, 7, 8]).spread(3, || Ok::<_, ()>(())),
+            Ok(vec![8, 0, 4])
+        );
     }
 }

@@ -15,6 +15,8 @@ pub mod graph;
 
 pub mod eigen;
 
+pub mod balls;
+
 pub mod cells;
 
 pub mod fit;

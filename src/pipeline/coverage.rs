@@ -7,6 +7,7 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;
 
+use crate::numerics::balls::Balls;
 use crate::numerics::field::floor_index;
 use crate::space::Grid;
 
@@ -79,10 +80,9 @@ impl<'a> Nearest<'a> {
     }
 }
 
-/// Which figure a point belongs to: that of the inscribed ball nearest in power distance. A ball
-/// of radius r at m is the point (m, √(r_max² − r²)) of four-space.
+/// Which figure a point belongs to: that of the inscribed ball nearest in power distance.
 struct Owners {
-    tree: Option<ImmutableKdTree<f64, 4>>,
+    balls: Balls,
     figure_of: Vec<usize>,
 }
 
@@ -95,17 +95,11 @@ impl Owners {
                 figure_of.resize(balls.len(), number);
             }
         }
-        let largest = balls.iter().map(|b| b.1).fold(0.0, f64::max);
-        let lift = |(m, r): &(Point3<f64>, f64)| [m.x, m.y, m.z, (largest * largest - r * r).max(0.0).sqrt()];
-        let lifted: Vec<[f64; 4]> = balls.iter().map(lift).collect();
-        let tree = if lifted.is_empty() { None } else { ImmutableKdTree::new_from_slice(&lifted).ok() };
-        Self { tree, figure_of }
+        Self { balls: Balls::new(&balls), figure_of }
     }
 
     fn of_point(&self, p: Point3<f64>) -> usize {
-        let Some(tree) = &self.tree else { return 0 };
-        let found = tree.query(&[p.x, p.y, p.z, 0.0]).nearest_one::<SquaredEuclidean<f64>>().execute();
-        self.figure_of[found.item as usize]
+        self.balls.nearest(p).map_or(0, |ball| self.figure_of[ball])
     }
 }
 

@@ -13,10 +13,10 @@
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use nalgebra::{Matrix3, Point3};
 use rayon::prelude::*;
 
+use crate::numerics::balls::Balls;
 use crate::numerics::field::id;
 
 use super::depth::Depth;
@@ -265,7 +265,7 @@ fn weakest(
 /// sheets: the height of every skin point of the sheet above them, summed.
 fn losses(surface: &MedialSurface, depth: &Depth, label: &[u32]) -> BTreeMap<u32, f64> {
     let numbers: Vec<u32> = sizes(label).into_keys().collect();
-    let owner = Balls::of(surface, |p| label[p] != NO_SHEET);
+    let owner = Inscribed::of(surface, |p| label[p] != NO_SHEET);
     let mut skin_of: BTreeMap<u32, Vec<usize>> = numbers.iter().map(|&n| (n, Vec::new())).collect();
     let owners: Vec<_> = depth.skin.par_iter().map(|point| owner.nearest(point.position)).collect();
     for (s, owner) in owners.into_iter().enumerate() {
@@ -276,7 +276,7 @@ fn losses(surface: &MedialSurface, depth: &Depth, label: &[u32]) -> BTreeMap<u32
     let volume = depth.depth.as_slice().iter().filter(|d| **d > 0.0).count() as f64;
     let mut losses = BTreeMap::new();
     for &number in &numbers {
-        let others = Balls::of(surface, |p| label[p] != NO_SHEET && label[p] != number);
+        let others = Inscribed::of(surface, |p| label[p] != NO_SHEET && label[p] != number);
         let height = |&s: &usize| others.nearest(depth.skin[s].position).map_or(0.0, |f| f.1.max(0.0));
         let heights: Vec<f64> = skin_of[&number].par_iter().map(height).collect();
         losses.insert(number, heights.into_iter().sum::<f64>() / volume.max(1.0));
@@ -284,36 +284,27 @@ fn losses(surface: &MedialSurface, depth: &Depth, label: &[u32]) -> BTreeMap<u32
     losses
 }
 
-/// The inscribed balls of medial points, searchable by power distance: a ball of radius r at m is
-/// the point (m, √(r_max² − r²)) of four-space, where the nearest point has the least power.
-pub struct Balls {
-    tree: Option<ImmutableKdTree<f64, 4>>,
+/// The inscribed balls of medial points, to be found by power distance.
+pub struct Inscribed {
+    balls: Balls,
     points: Vec<u32>,
     centres: Vec<(Point3<f64>, f64)>,
 }
 
-impl Balls {
+impl Inscribed {
     /// The balls of the medial points (by index) that `take` accepts.
     #[must_use]
     pub fn of(surface: &MedialSurface, take: impl Fn(usize) -> bool) -> Self {
         let points: Vec<u32> = (0..surface.points.len()).filter(|&p| take(p)).map(id).collect();
         let centres: Vec<_> =
             points.iter().map(|&p| &surface.points[p as usize]).map(|m| (m.position, m.radius)).collect();
-        let largest = centres.iter().map(|c| c.1).fold(0.0, f64::max);
-        let lifted: Vec<[f64; 4]> =
-            centres.iter().map(|(m, r)| [m.x, m.y, m.z, (largest * largest - r * r).max(0.0).sqrt()]).collect();
-        Self { tree: ImmutableKdTree::new_from_slice(&lifted).ok(), points, centres }
+        Self { balls: Balls::new(&centres), points, centres }
     }
 
     /// The medial point whose ball comes nearest to `p`, and how far `p` is outside of it.
     #[must_use]
     pub fn nearest(&self, p: Point3<f64>) -> Option<(usize, f64)> {
-        if self.points.is_empty() {
-            return None;
-        }
-        let lifted = [p.x, p.y, p.z, 0.0];
-        let found = self.tree.as_ref()?.query(&lifted).nearest_one::<SquaredEuclidean<f64>>().execute();
-        let k = found.item as usize;
+        let k = self.balls.nearest(p)?;
         let (centre, radius) = self.centres[k];
         Some((self.points[k] as usize, (p - centre).norm() - radius))
     }

@@ -20,7 +20,7 @@ use super::depth::Depth;
 use super::frame::Senses;
 use super::medial::MedialSurface;
 use super::refusal::Refusal;
-use super::sheets::{Balls, Sheets};
+use super::sheets::{Inscribed, Sheets};
 use super::surface::Surface;
 
 /// Cosine between a spoke and the sheet's normal below which the skin point is crest: 60°.
@@ -100,7 +100,7 @@ pub fn sides(
         all.push(SheetSides { medial, normals, radii, hinge, ..SheetSides::default() });
     }
     let mut classes: Vec<[Vec<(u32, u32)>; 2]> = vec![[Vec::new(), Vec::new()]; all.len()];
-    let balls = Balls::of(surface, |p| local_of[p] != u32::MAX);
+    let balls = Inscribed::of(surface, |p| local_of[p] != u32::MAX);
     let owners: Vec<_> = depth.skin.par_iter().map(|point| balls.nearest(point.position)).collect();
     for ((s, point), owner) in depth.skin.iter().enumerate().zip(owners) {
         let Some((p, gap)) = owner else { continue };
