@@ -147,10 +147,8 @@ pub struct Source {
 /// When writing fails or the run is cancelled.
 pub fn publish(model: &Model, source: &Source, out: &Path, observer: &dyn Observer) -> Result<Processed, ProcessError> {
     let write_start = Instant::now();
-    let mut draft = Draft { folder: out, is_complete: false };
-    let mut artifacts = Vec::new();
-    // thickness.json comes last: it tells how long the others took.
-    for index in [0, 2, 3, 1] {
+    let draft = Draft { folder: out, is_complete: false };
+    let write = |index: usize| {
         observer.check()?;
         let (name, media_type) = ARTIFACTS[index];
         let (bytes, sha256) = draft.write(name, |file| match name {
@@ -163,16 +161,15 @@ pub fn publish(model: &Model, source: &Source, out: &Path, observer: &dyn Observ
                 thickness_json::write(model, &source.input, &source.warnings, timings, file)
             }
         })?;
-        artifacts.push((index, Artifact { name, media_type, bytes, sha256 }));
-    }
+        Ok::<_, ProcessError>(Artifact { name, media_type, bytes, sha256 })
+    };
+    let (meshes, tables) = rayon::join(|| write(0), || rayon::join(|| write(2), || write(3)));
+    // thickness.json comes last: it tells how long the others took.
+    let artifacts = vec![meshes?, write(1)?, tables.0?, tables.1?];
     observer.check()?;
     draft.complete()?;
-    artifacts.sort_by_key(|(index, _)| *index);
     let of_structures = model.structures.iter().flat_map(|structure| &structure.warnings);
-    Ok(Processed {
-        artifacts: artifacts.into_iter().map(|(_, artifact)| artifact).collect(),
-        warnings: source.warnings.iter().chain(of_structures).cloned().collect(),
-    })
+    Ok(Processed { artifacts, warnings: source.warnings.iter().chain(of_structures).cloned().collect() })
 }
 
 fn milliseconds(since: Instant) -> f64 {
@@ -187,7 +184,7 @@ struct Draft<'a> {
 
 impl Draft<'_> {
     /// Size and hash of what `write` wrote.
-    fn write(&mut self, name: &str, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<(u64, String)> {
+    fn write(&self, name: &str, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<(u64, String)> {
         let file = File::create(partial(self.folder, name))?;
         let mut hashed = Hashed { file, hash: Sha256::new(), bytes: 0 };
         let mut buffered = BufWriter::with_capacity(1 << 16, &mut hashed);

@@ -11,7 +11,7 @@ use crate::numerics::balls::Balls;
 use crate::numerics::field::floor_index;
 use crate::space::Grid;
 
-use super::depth::{Depth, SkinPoint};
+use super::depth::SkinPoint;
 use super::mask::Solid;
 use super::model::{Coverage, DistanceSummary};
 use super::shell::Shell;
@@ -31,27 +31,30 @@ const COVERED: f64 = 1.0;
 /// (power distance): where sheets meet, the mask is split along the hinge. Of a single figure
 /// both are the same.
 #[must_use]
-pub fn coverage(solid: &Solid, depth: &Depth, figures: &[Nodes]) -> (Coverage, Vec<Coverage>) {
+pub fn coverage(
+    solid: &Solid,
+    skin: &Skin<'_>,
+    figures: &[Nodes],
+) -> (Coverage, Vec<Coverage>) {
     let owners = Owners::of(figures);
-    let skin_owner: Vec<usize> = depth.skin.par_iter().map(|s| owners.of_point(s.position)).collect();
-    let skin_points = Nearest::new(&depth.skin);
-    let samples: Vec<Vec<SkinPoint>> = figures.iter().map(|nodes| surface_samples(nodes.into())).collect();
+    let skin_owner: Vec<usize> = skin.points.par_iter().map(|s| owners.of_point(s.position)).collect();
+    let samples: Vec<Vec<SkinPoint>> = figures.par_iter().map(|nodes| surface_samples(nodes.into())).collect();
     let (dice, dice_of) = overlaps(&solid.mask, figures, &owners);
-    let measured = |dice: f64, skin: &[SkinPoint], samples: &[SkinPoint]| {
-        let to_model = Nearest::new(samples).distances(skin);
+    let measured = |dice: f64, own: &[SkinPoint], samples: &[SkinPoint]| {
+        let to_model = Skin::of(samples).distances(own);
         Coverage {
             dice,
             covered_share: to_model.iter().filter(|d| **d <= COVERED).count() as f64 / to_model.len().max(1) as f64,
             mask_to_model: summary(to_model, solid.voxel_mm),
-            model_to_mask: summary(skin_points.distances(samples), solid.voxel_mm),
+            model_to_mask: summary(skin.distances(samples), solid.voxel_mm),
         }
     };
-    let whole = measured(dice, &depth.skin, &samples.concat());
+    let whole = measured(dice, skin.points, &samples.concat());
     if figures.len() == 1 {
         return (whole, vec![whole]);
     }
     let each = samples.iter().zip(dice_of).enumerate().map(|(number, (samples, dice))| {
-        let own = depth.skin.iter().zip(&skin_owner).filter(|(_, owner)| **owner == number);
+        let own = skin.points.iter().zip(&skin_owner).filter(|(_, owner)| **owner == number);
         let own: Vec<SkinPoint> = own.map(|(s, _)| *s).collect();
         measured(dice, &own, samples)
     });
@@ -59,13 +62,16 @@ pub fn coverage(solid: &Solid, depth: &Depth, figures: &[Nodes]) -> (Coverage, V
 }
 
 /// A surface given by points with normals, to be found by distance.
-struct Nearest<'a> {
-    points: &'a [SkinPoint],
+pub struct Skin<'a> {
+    /// The points.
+    pub points: &'a [SkinPoint],
     tree: Option<ImmutableKdTree<f64, 3>>,
 }
 
-impl<'a> Nearest<'a> {
-    fn new(points: &'a [SkinPoint]) -> Self {
+impl<'a> Skin<'a> {
+    /// The surface of some points; there may be none.
+    #[must_use]
+    pub fn of(points: &'a [SkinPoint]) -> Self {
         let rows: Vec<[f64; 3]> = points.iter().map(|s| [s.position.x, s.position.y, s.position.z]).collect();
         let tree = if rows.is_empty() { None } else { ImmutableKdTree::new_from_slice(&rows).ok() };
         Self { points, tree }
@@ -76,7 +82,16 @@ impl<'a> Nearest<'a> {
         let Some(tree) = &self.tree else { return vec![f64::INFINITY; from.len()] };
         let nearest =
             |p: Point3<f64>| tree.query(&[p.x, p.y, p.z]).nearest_one::<SquaredEuclidean<f64>>().execute().item;
-        from.par_iter().map(|s| self.points[nearest(s.position) as usize].distance(s.position)).collect()
+        let distance = |s: &SkinPoint| self.points[nearest(s.position) as usize].distance(s.position);
+        from.par_iter().with_min_len(64).map(distance).collect()
+    }
+
+    /// The points within `reach` of a place.
+    pub fn within(&self, p: Point3<f64>, reach: f64) -> impl Iterator<Item = &SkinPoint> {
+        let query = |tree: &ImmutableKdTree<f64, 3>| {
+            tree.query(&[p.x, p.y, p.z]).within::<SquaredEuclidean<f64>>(reach * reach).unsorted().execute()
+        };
+        self.tree.as_ref().map(query).into_iter().flatten().map(|found| &self.points[found.item as usize])
     }
 }
 
@@ -118,7 +133,7 @@ fn balls_of(nodes: &Nodes) -> Vec<(Point3<f64>, f64)> {
 }
 
 fn summary(mut voxels: Vec<f64>, voxel_mm: f64) -> DistanceSummary {
-    voxels.sort_by(f64::total_cmp);
+    voxels.par_sort_unstable_by(f64::total_cmp);
     let Some(&largest) = voxels.last() else { return DistanceSummary::default() };
     let rank = floor_index(0.95 * (voxels.len() - 1) as f64);
     DistanceSummary {

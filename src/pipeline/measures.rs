@@ -1,9 +1,9 @@
 //! Stage 8, third part: how even and how well centred a lattice is.
 
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use nalgebra::{Point2, Point3, Vector3};
+use rayon::prelude::*;
 
-use super::depth::Depth;
+use super::coverage::Skin;
 use super::model::{Distortion, MeanAndP95};
 use super::params::LatticeSize;
 use super::shell::{Quad, Shell};
@@ -79,42 +79,32 @@ fn corner_turns(space: &[Point3<f64>], plane: &[Point3<f64>], quad: &Quad) -> [f
 /// within 60° of its normal: a blunt rim is as near on both sides and says nothing. Zero of a perfect medial sheet, one of
 /// a node on the skin or outside. The vectors are not used: they need not be the shortest way.
 #[must_use]
-pub fn medial_offset(nodes: &Nodes, depth: &Depth) -> MeanAndP95 {
+pub fn medial_offset(nodes: &Nodes, skin: &Skin<'_>) -> MeanAndP95 {
     /// Cosine of 60°, the angle at which skin stops to be crest in the stage of the sides, too.
     const FACING_COSINE: f64 = 0.5;
     /// Nodes looked at; more say nothing new and cost time.
     const MOST: usize = 2000;
     let valid: Vec<usize> = (0..nodes.medial.len()).filter(|&n| nodes.valid[n]).collect();
-    let rows: Vec<[f64; 3]> = depth.skin.iter().map(|s| [s.position.x, s.position.y, s.position.z]).collect();
-    let Some(tree) = ImmutableKdTree::<f64, 3>::new_from_slice(&rows).ok().filter(|_| !rows.is_empty()) else {
-        return MeanAndP95::default();
-    };
     let step = valid.len().div_ceil(MOST).max(1);
-    let mut offsets = Vec::new();
-    for &node in valid.iter().step_by(step) {
+    let offset = |node: usize| {
         let at = nodes.medial[node];
         let [up, down] = [nodes.upper[node] - at, nodes.lower[node] - at];
         let normal = normal(nodes, node).unwrap_or(up - down);
         // The surface nodes lie on the skin; the nearest that faces away is not much further off.
         let reach = 2.0 * up.norm().max(down.norm()) + 2.0;
-        let near = tree.query(&[at.x, at.y, at.z]).within::<SquaredEuclidean<f64>>(reach * reach).unsorted().execute();
         let mut sides = [f64::INFINITY; 2];
-        for found in near {
-            let skin = &depth.skin[found.item as usize];
+        for skin in skin.within(at, reach) {
             let side = usize::from((skin.position - at).dot(&normal) < 0.0);
             let facing = skin.normal.dot(&normal) / normal.norm() * [1.0, -1.0][side];
             if facing >= FACING_COSINE {
                 sides[side] = sides[side].min(skin.distance(at));
             }
         }
-        if sides.iter().all(|s| s.is_finite()) {
-            offsets.push((sides[0] - sides[1]).abs() / (sides[0] + sides[1]).max(1e-12));
-        } else {
-            // No skin on one of the sides.
-            offsets.push(1.0);
-        }
-    }
-    MeanAndP95::of(offsets)
+        let has_both = sides.iter().all(|s| s.is_finite());
+        // Without skin on one of the sides it is on the other.
+        if has_both { (sides[0] - sides[1]).abs() / (sides[0] + sides[1]).max(1e-12) } else { 1.0 }
+    };
+    MeanAndP95::of(valid.par_iter().step_by(step).map(|&node| offset(node)).collect())
 }
 
 /// Normal of the medial lattice at a node, of any sign and length.

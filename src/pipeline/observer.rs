@@ -3,9 +3,9 @@
 /// The stages in the order of the paper; their names are those of `timings_ms`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Stage {
-    /// Cutting out, cleaning, resampling and smoothing the mask.
+    /// Cutting out, cleaning, resampling and smoothing the mask, and its sub-voxel skin.
     Mask,
-    /// The skin and the depth of every voxel below it.
+    /// The depth of every voxel below the skin.
     Distance,
     /// Thinning to the medial surface.
     Skeleton,

@@ -4,7 +4,7 @@
 use crate::numerics::triangles::self_intersections;
 
 use super::closed::closed;
-use super::coverage::coverage;
+use super::coverage::{Skin, coverage};
 use super::depth::Depth;
 use super::legality::{Illegal, legality};
 use super::mask::Solid;
@@ -50,10 +50,11 @@ pub fn structure_quality(
     figures: &[Nodes],
     qualities: &mut [FigureQuality],
 ) -> StructureQuality {
-    let (whole, each) = coverage(solid, depth, figures);
+    let skin = Skin::of(&depth.skin);
+    let (whole, each) = coverage(solid, &skin, figures);
     for ((quality, coverage), nodes) in qualities.iter_mut().zip(each).zip(figures) {
         quality.coverage = coverage;
-        quality.medial_offset = medial_offset(nodes, depth);
+        quality.medial_offset = medial_offset(nodes, &skin);
     }
     let mut quality = StructureQuality { coverage: whole, ..summed(qualities) };
     judge(&mut quality, qualities, solid.voxel_mm);

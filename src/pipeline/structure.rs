@@ -10,7 +10,7 @@ use crate::space::{LabelVolume, ParamPoint, WorldPoint};
 use super::anchored::anchored;
 use super::automatic::{Automatic, automatic, respaced};
 use super::cut::{Laid, cut};
-use super::depth::{Depth, depth};
+use super::depth::{Depth, depth, skin};
 use super::frame::{FrameFacts, Senses, framed};
 use super::isomap::{Flat, IsomapError, flatten};
 use super::lattice::lattice;
@@ -177,19 +177,21 @@ impl Work<'_> {
         let mut warnings = Vec::new();
         let solid = self.stage(&mut timings, Stage::Mask, || {
             let solid = solid(self.volume, self.index, self.bounds, params.resolution_mm, &mut warnings)?;
-            match self.repeat {
-                Some(repeat) => Ok(perturbed(solid, repeat.number)),
+            let solid = match self.repeat {
+                Some(repeat) => perturbed(solid, repeat.number),
                 None => {
                     out.object = object_mesh(&solid);
-                    Ok::<_, Refusal>(solid)
+                    solid
                 }
-            }
+            };
+            let skin = skin(&solid);
+            Ok::<_, Refusal>((solid, skin))
         })?;
         out.warnings = warnings;
-        let solid = solid?;
+        let (solid, skin) = solid?;
         out.working_voxel_mm = solid.voxel_mm;
         let body = self.stage(&mut timings, Stage::Distance, || {
-            let depth = depth(&solid);
+            let depth = depth(&solid, skin);
             let senses = Senses::of(&solid.inside, &solid.world_from_work);
             Body { solid, depth, senses }
         })?;
