@@ -13,16 +13,16 @@ pub const CENTRE: u32 = 13;
 
 const TABLES: Tables = Tables::new();
 
-/// Neighbourhood of the voxel at `offset` of a grid of bytes whose lowest bit says whether a voxel is
-/// in the set, with row stride `nx` and plane stride `nxy`; the voxel must not lie on the grid's edge.
+/// Neighbourhood of the voxel at `offset` of a grid with row stride `nx` and plane stride `nxy`, the
+/// lowest bit of `cell` saying whether a voxel is in the set; it must not lie on the grid's edge.
 #[must_use]
-pub fn neighborhood(cells: &[u8], offset: usize, nx: usize, nxy: usize) -> u32 {
+pub fn neighborhood(cell: impl Fn(usize) -> u8, offset: usize, nx: usize, nxy: usize) -> u32 {
     let mut bits = 0;
     let mut bit = 0;
     for z in [offset - nxy, offset, offset + nxy] {
         for y in [z - nx, z, z + nx] {
-            for cell in &cells[y - 1..y + 2] {
-                bits |= u32::from(cell & 1) << bit;
+            for x in [y - 1, y, y + 1] {
+                bits |= u32::from(cell(x) & 1) << bit;
                 bit += 1;
             }
         }

@@ -31,11 +31,7 @@ const COVERED: f64 = 1.0;
 /// (power distance): where sheets meet, the mask is split along the hinge. Of a single figure
 /// both are the same.
 #[must_use]
-pub fn coverage(
-    solid: &Solid,
-    skin: &Skin<'_>,
-    figures: &[Nodes],
-) -> (Coverage, Vec<Coverage>) {
+pub fn coverage(solid: &Solid, skin: &Skin<'_>, figures: &[Nodes]) -> (Coverage, Vec<Coverage>) {
     let owners = Owners::of(figures);
     let skin_owner: Vec<usize> = skin.points.par_iter().map(|s| owners.of_point(s.position)).collect();
     let samples: Vec<Vec<SkinPoint>> = figures.par_iter().map(|nodes| surface_samples(nodes.into())).collect();

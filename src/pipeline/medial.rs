@@ -14,6 +14,7 @@
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
+use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
 
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
@@ -39,6 +40,8 @@ const MIN_CHORD: f64 = 3.0;
 const TIE: f64 = 0.05;
 /// How many voxels are thinned between two looks at the observer.
 const CANCEL_EVERY: usize = 1 << 14;
+/// Steps around a medial voxel in which the order of thinning matters, voxels.
+const NEAR_STEPS: usize = 2;
 /// Steps of the sub-voxel refinement; each halves what is left, and half a voxel is the start.
 const REFINE_STEPS: usize = 4;
 
@@ -143,6 +146,8 @@ mod state {
     pub const MEDIAL: u8 = 4;
     /// One of its faces is open. Others are not simple.
     pub const OPEN: u8 = 8;
+    /// It lies near a medial voxel, where the order of thinning matters.
+    pub const NEAR: u8 = 16;
 }
 
 /// Voxels in the order of rank and offset. Ranks ahead are buckets, sorted when their turn comes.
@@ -188,17 +193,15 @@ fn thin(
     medial: &[usize],
     observer: &dyn Observer,
 ) -> Result<Vec<usize>, Cancelled> {
-    use state::{LEFT, MEDIAL, OPEN, QUEUED};
+    use state::{LEFT, MEDIAL, NEAR, OPEN, QUEUED};
     let [nx, ny, _] = inside.dims();
     let nxy = nx * ny;
     let rank_of = |o: usize| rank(depth.depth.as_slice()[o]);
-    let mut cells = inside.map(|is_inside| u8::from(*is_inside) * LEFT);
-    let cells = cells.as_mut_slice();
-    medial.iter().for_each(|&o| cells[o] |= MEDIAL);
+    let mut cells = peeled(inside, depth, medial, observer)?;
     let mut front = Front::default();
-    for &o in &depth.skin_voxels {
-        cells[o] |= OPEN;
-        if cells[o] & MEDIAL == 0 && is_simple(neighborhood(cells, o, nx, nxy)) {
+    for o in 0..cells.len() {
+        let is_open = cells[o] & (LEFT | OPEN | MEDIAL) == LEFT | OPEN;
+        if is_open && is_simple(neighborhood(|n| cells[n], o, nx, nxy)) {
             cells[o] |= QUEUED;
             front.push(rank_of(o), id(o));
         }
@@ -210,7 +213,7 @@ fn thin(
             observer.check()?;
         }
         cells[o] &= !QUEUED;
-        if !is_simple(neighborhood(cells, o, nx, nxy)) {
+        if !is_simple(neighborhood(|n| cells[n], o, nx, nxy)) {
             continue;
         }
         cells[o] = 0;
@@ -220,7 +223,7 @@ fn thin(
         for z in [o - nxy, o, o + nxy] {
             for y in [z - nx, z, z + nx] {
                 for n in y - 1..=y + 1 {
-                    if cells[n] == LEFT | OPEN {
+                    if cells[n] & !NEAR == LEFT | OPEN {
                         cells[n] |= QUEUED;
                         front.push(rank_of(n), id(n));
                     }
@@ -229,8 +232,77 @@ fn thin(
         }
     }
     let mut left: Vec<usize> = (0..cells.len()).filter(|&o| cells[o] & LEFT != 0).collect();
-    thin_to_one_voxel(cells, [nx, nxy], &mut left, rank_of);
+    thin_to_one_voxel(&mut cells, [nx, nxy], &mut left, rank_of);
     Ok(left)
+}
+
+/// The solid without what lies far from all medial voxels: taken away layer by layer, which all threads
+/// do together. There the order decides nothing, for in the end all of it goes; what topology holds
+/// back is left to the ordered thinning.
+///
+/// A layer is gone through in eight parts, by the parity of the voxel's indices. Voxels of one part do
+/// not touch, so that each may go, or not, whatever the others do (Bertrand, Aktouf, *A three-
+/// dimensional thinning algorithm using subfields*, SPIE 2356, 1994).
+fn peeled(inside: &Grid<bool>, depth: &Depth, medial: &[usize], observer: &dyn Observer) -> Result<Vec<u8>, Cancelled> {
+    use state::{LEFT, MEDIAL, NEAR, OPEN};
+    /// Voxels that one thread takes at a time.
+    const PER_TASK: usize = 512;
+    let [nx, ny, _] = inside.dims();
+    let nxy = nx * ny;
+    let cells: Vec<AtomicU8> = inside
+        .as_slice()
+        .par_iter()
+        .with_min_len(1 << 14)
+        .map(|is_in| AtomicU8::new(u8::from(*is_in) * LEFT))
+        .collect();
+    medial.par_iter().with_min_len(PER_TASK).for_each(|&o| {
+        around(o, NEAR_STEPS, [nx, nxy]).for_each(|n| {
+            cells[n].fetch_or(NEAR, Relaxed);
+        });
+        cells[o].fetch_or(MEDIAL, Relaxed);
+    });
+    depth.skin_voxels.par_iter().with_min_len(PER_TASK).for_each(|&o| {
+        cells[o].fetch_or(OPEN, Relaxed);
+    });
+    let is_far = |o: &usize| cells[*o].load(Relaxed) & NEAR == 0;
+    let mut layer: Vec<usize> = depth.skin_voxels.iter().copied().filter(is_far).collect();
+    while !layer.is_empty() {
+        observer.check()?;
+        let mut parts: [Vec<usize>; 8] = Default::default();
+        for &o in &layer {
+            parts[(o % nx % 2) | (o / nx % ny % 2) << 1 | (o / nxy % 2) << 2].push(o);
+        }
+        let before = layer.len();
+        layer.clear();
+        let mut held = Vec::new();
+        for part in parts {
+            let (going, staying): (Vec<usize>, Vec<usize>) = part
+                .par_iter()
+                .with_min_len(PER_TASK)
+                .partition(|&&o| is_simple(neighborhood(|n| cells[n].load(Relaxed), o, nx, nxy)));
+            // What is opened is found once: by the one that opens it first.
+            let opened = |&o: &usize| {
+                cells[o].store(0, Relaxed);
+                let beside = [o - nxy, o - nx, o - 1, o + 1, o + nx, o + nxy].into_iter();
+                beside.filter(|&n| cells[n].fetch_or(OPEN, Relaxed) == LEFT)
+            };
+            layer.par_extend(going.par_iter().with_min_len(PER_TASK).flat_map_iter(opened));
+            held.extend(staying);
+        }
+        let is_stuck = held.len() == before;
+        layer.extend(held);
+        if is_stuck {
+            break;
+        }
+    }
+    Ok(cells.into_iter().map(AtomicU8::into_inner).collect())
+}
+
+/// The voxels within some steps of one along each axis; they must lie in the grid.
+fn around(o: usize, steps: usize, [nx, nxy]: [usize; 2]) -> impl Iterator<Item = usize> {
+    let first = o - steps * (1 + nx + nxy);
+    let along = move || 0..2 * steps + 1;
+    along().flat_map(move |k| along().flat_map(move |j| along().map(move |i| first + i + j * nx + k * nxy)))
 }
 
 /// Medial voxels make the surface two thick in places: what is no end of the surface is thinned,
@@ -242,7 +314,7 @@ fn thin_to_one_voxel(cells: &mut [u8], [nx, nxy]: [usize; 2], left: &mut Vec<usi
     for _ in 0..MAX_ROUNDS {
         let before = left.len();
         left.retain(|&o| {
-            let bits = neighborhood(cells, o, nx, nxy);
+            let bits = neighborhood(|n| cells[n], o, nx, nxy);
             let goes = is_simple(bits) && !(cells[o] & state::MEDIAL != 0 && is_surface_end(bits));
             cells[o] &= if goes { 0 } else { u8::MAX };
             !goes
