@@ -40,6 +40,14 @@ pub struct LabelBox {
     pub high: VoxelIndex,
 }
 
+impl LabelBox {
+    /// Voxels in the box.
+    #[must_use]
+    pub fn voxels(&self) -> u64 {
+        (0..3).map(|a| (self.high[a] - self.low[a] + 1) as u64).product()
+    }
+}
+
 /// A label as a solid.
 #[derive(Clone, Debug)]
 pub struct Solid {
