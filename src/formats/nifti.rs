@@ -90,15 +90,25 @@ pub fn check_magic(head: &[u8]) -> Result<(), ReadError> {
     if head.starts_with(&GZIP_MAGIC) { Ok(()) } else { sniff(head).map(|_| ()) }
 }
 
+/// What a header says of the work that a file is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct HeaderFacts {
+    /// Voxels of the volume.
+    pub voxels: u64,
+    /// Whether the file is gzip.
+    pub is_compressed: bool,
+}
+
 /// Reads no further than the header of the file at `path`.
 ///
 /// # Errors
 /// When the header alone shows that [`read`] will fail.
-pub fn check_header(path: &Path, limits: InputLimits) -> Result<(), ReadError> {
+pub fn check_header(path: &Path, limits: InputLimits) -> Result<HeaderFacts, ReadError> {
     let file = File::open(path).map_err(ReadError::Io)?;
     let mut stream = Stream::open(file, limits.max_decompressed_bytes)?;
     let (raw, layout, _) = read_header(&mut stream, limits)?;
-    world_from_voxel(&raw, layout.dims, &mut Vec::new()).map(|_| ())
+    world_from_voxel(&raw, layout.dims, &mut Vec::new())?;
+    Ok(HeaderFacts { voxels: layout.voxels as u64, is_compressed: stream.is_compressed() })
 }
 
 fn read_header<R: Read>(

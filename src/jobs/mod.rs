@@ -13,6 +13,8 @@ pub mod process;
 
 pub mod job;
 
+pub mod expected;
+
 pub mod store;
 
 pub mod sqlite;

@@ -14,6 +14,7 @@ use tokio::task::{JoinError, spawn_blocking};
 use tokio_util::sync::CancellationToken;
 
 use super::blobs::Blobs;
+use super::expected::expected;
 use super::job::{Job, JobId, JobState, RequestedParams, ResultFile};
 use super::process::InputLimits;
 use super::sqlite::SqliteStore;
@@ -184,12 +185,14 @@ impl Jobs {
         let Received { file, mask } = upload;
         let id = JobId::now();
         let (blobs, limits) = (self.blobs.clone(), self.limits.input);
-        spawn_blocking(move || {
-            preflight(&file, limits).map_err(JobsError::Refused)?;
-            blobs.keep_mask(file, id).map_err(JobsError::Files)
+        let header = spawn_blocking(move || {
+            let header = preflight(&file, limits).map_err(JobsError::Refused)?;
+            blobs.keep_mask(file, id).map_err(JobsError::Files)?;
+            Ok::<_, JobsError>(header)
         })
         .await??;
-        let new = NewJob { id, mask, params_json: params.json().to_owned(), created_at: Timestamp::now() };
+        let expected = expected(&header, mask.bytes, params.checked());
+        let new = NewJob { id, mask, params_json: params.json().to_owned(), created_at: Timestamp::now(), expected };
         if let Err(error) = self.store.insert(&new, self.limits.max_queued).await {
             self.erase(id).await?;
             return Err(error.into());

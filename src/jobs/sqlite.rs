@@ -56,9 +56,13 @@ impl SqliteStore {
 }
 
 fn migrator() -> Migrator {
-    let sql = include_str!("../../migrations/sqlite/0001_jobs.sql");
-    let jobs = Migration::new(1, "jobs".into(), MigrationType::Simple, sql.into_sql_str(), false);
-    Migrator::with_migrations(vec![jobs])
+    let migration = |version, name: &'static str, sql: &'static str| {
+        Migration::new(version, name.into(), MigrationType::Simple, sql.into_sql_str(), false)
+    };
+    Migrator::with_migrations(vec![
+        migration(1, "jobs", include_str!("../../migrations/sqlite/0001_jobs.sql")),
+        migration(2, "turns", include_str!("../../migrations/sqlite/0002_turns.sql")),
+    ])
 }
 
 #[async_trait]
@@ -66,15 +70,17 @@ impl JobStore for SqliteStore {
     async fn insert(&self, job: &NewJob, max_queued: u64) -> Result<(), StoreError> {
         let inserted = sqlx::query(
             "INSERT INTO jobs (id, state, owner, labels, mask_sha256, mask_bytes, params, attempt, cancel_requested,
-                               created_at_ms, warnings, results)
-             SELECT $1, 'queued', '', '{}', $2, CAST($3 AS BIGINT), $4, 0, 0, CAST($5 AS BIGINT), '[]', '[]'
-             WHERE (SELECT count(*) FROM jobs WHERE state = 'queued') < $6",
+                               created_at_ms, turn_ms, warnings, results)
+             SELECT $1, 'queued', '', '{}', $2, CAST($3 AS BIGINT), $4, 0, 0, CAST($5 AS BIGINT), CAST($6 AS BIGINT),
+                    '[]', '[]'
+             WHERE (SELECT count(*) FROM jobs WHERE state = 'queued') < $7",
         )
         .bind(job.id.to_string())
         .bind(&job.mask.sha256)
         .bind(clamped(job.mask.bytes))
         .bind(&job.params_json)
         .bind(job.created_at.as_millisecond())
+        .bind(job.turn_ms())
         .bind(clamped(max_queued))
         .execute(&self.writer)
         .await?;
@@ -107,10 +113,13 @@ impl JobStore for SqliteStore {
     }
 
     async fn count_queued_before(&self, id: JobId) -> Result<u64, StoreError> {
-        let row = sqlx::query("SELECT count(*) FROM jobs WHERE state = 'queued' AND id < $1")
-            .bind(id.to_string())
-            .fetch_one(&self.reader)
-            .await?;
+        let row = sqlx::query(
+            "SELECT count(*) FROM jobs AS other JOIN jobs AS own ON own.id = $1 WHERE other.state = 'queued'
+             AND (other.turn_ms < own.turn_ms OR (other.turn_ms = own.turn_ms AND other.id < own.id))",
+        )
+        .bind(id.to_string())
+        .fetch_one(&self.reader)
+        .await?;
         Ok(row.try_get::<i64, _>(0)?.unsigned_abs())
     }
 
@@ -119,7 +128,8 @@ impl JobStore for SqliteStore {
         let row = sqlx::query(
             "UPDATE jobs SET state = 'running', attempt = attempt + 1, lease_token = $1, lease_until_ms = $2,
                              started_at_ms = $3
-             WHERE state = 'queued' AND id = (SELECT id FROM jobs WHERE state = 'queued' ORDER BY id LIMIT 1)
+             WHERE state = 'queued' AND id = (SELECT id FROM jobs WHERE state = 'queued' ORDER BY turn_ms, id
+                                              LIMIT 1)
              RETURNING *",
         )
         .bind(&token)

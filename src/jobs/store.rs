@@ -1,6 +1,8 @@
 //! The store: what is kept of jobs, and who may change it. One trait, so that the service does
 //! not know the database.
 
+use std::time::Duration;
+
 use async_trait::async_trait;
 use jiff::Timestamp;
 
@@ -45,6 +47,21 @@ pub struct NewJob {
     pub params_json: String,
     /// When it was accepted.
     pub created_at: Timestamp,
+    /// How long it is expected to take: shorter jobs pass longer ones.
+    pub expected: Duration,
+}
+
+/// A job that is expected to take a second longer lets pass what comes up to this many seconds later: so
+/// short jobs do not wait for long ones, and long ones not for ever.
+pub const PATIENCE: u32 = 10;
+
+impl NewJob {
+    /// When its turn comes, milliseconds since 1970: queued jobs are run in this order.
+    #[must_use]
+    pub fn turn_ms(&self) -> i64 {
+        let later = i64::try_from((self.expected * PATIENCE).as_millis()).unwrap_or(i64::MAX);
+        self.created_at.as_millisecond().saturating_add(later)
+    }
 }
 
 /// The right to write one job's outcome. The token is the fence: a worker that lost its lease

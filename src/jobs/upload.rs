@@ -16,7 +16,7 @@ use tokio::time::{Instant, timeout, timeout_at};
 use super::blobs::Blobs;
 use super::job::MaskInfo;
 use super::process::InputLimits;
-use crate::formats::nifti::{MAGIC_BYTES, check_header, check_magic};
+use crate::formats::nifti::{HeaderFacts, MAGIC_BYTES, check_header, check_magic};
 use crate::formats::{ReadError, hex};
 use crate::problem::Problem;
 
@@ -177,7 +177,7 @@ impl Incoming {
 ///
 /// # Errors
 /// When the header shows that the job would fail, or cannot be read.
-pub fn preflight(path: &Path, limits: InputLimits) -> Result<(), Box<Problem>> {
+pub fn preflight(path: &Path, limits: InputLimits) -> Result<HeaderFacts, Box<Problem>> {
     check_header(path, limits).map_err(|error| {
         if let ReadError::Io(error) = &error {
             tracing::error!(%error, "a received file cannot be read");

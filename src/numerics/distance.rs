@@ -230,7 +230,7 @@ mod tests {
     #[test]
     fn agrees_with_brute_force_on_anisotropic_voxels() {
         let (dims, spacing) = ([19, 7, 8], [1.0, 2.5, 0.7]);
-        let seeds: Vec<usize> = (0..19 * 7 * 8).filter(|o| (o * 7919 + 13).is_multiple_of(97)).collect();
+        let seeds: Vec<usize> = (0..19 * 7 * 8usize).filter(|o| (o * 7919 + 13).is_multiple_of(97)).collect();
         let found = nearest_seed(dims, spacing, &seeds);
         for o in 0..19 * 7 * 8 {
             let best = brute_force(dims, spacing, &seeds, o);

@@ -215,7 +215,10 @@ mod tests {
         let mut expected = vec![UNREACHED; graph.len()];
         expected[5] = 0;
         for _ in 0..graph.len() {
-            for node in (0..300).filter(|&n| expected[n as usize] != UNREACHED) {
+            for node in 0..300 {
+                if expected[node as usize] == UNREACHED {
+                    continue;
+                }
                 for (next, length) in graph.edges(node).collect::<Vec<_>>() {
                     expected[next as usize] = expected[next as usize].min(expected[node as usize] + length);
                 }

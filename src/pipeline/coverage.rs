@@ -31,13 +31,13 @@ const COVERED: f64 = 1.0;
 /// (power distance): where sheets meet, the mask is split along the hinge. Of a single figure
 /// both are the same.
 #[must_use]
-pub fn coverage(solid: &Solid, skin: &Skin<'_>, figures: &[Nodes]) -> (Coverage, Vec<Coverage>) {
+pub fn coverage(solid: &Solid, skin: &SkinSearch<'_>, figures: &[Nodes]) -> (Coverage, Vec<Coverage>) {
     let owners = Owners::of(figures);
     let skin_owner: Vec<usize> = skin.points.par_iter().map(|s| owners.of_point(s.position)).collect();
     let samples: Vec<Vec<SkinPoint>> = figures.par_iter().map(|nodes| surface_samples(nodes.into())).collect();
     let (dice, dice_of) = overlaps(&solid.mask, figures, &owners);
     let measured = |dice: f64, own: &[SkinPoint], samples: &[SkinPoint]| {
-        let to_model = Skin::of(samples).distances(own);
+        let to_model = SkinSearch::of(samples).distances(own);
         Coverage {
             dice,
             covered_share: to_model.iter().filter(|d| **d <= COVERED).count() as f64 / to_model.len().max(1) as f64,
@@ -58,13 +58,13 @@ pub fn coverage(solid: &Solid, skin: &Skin<'_>, figures: &[Nodes]) -> (Coverage,
 }
 
 /// A surface given by points with normals, to be found by distance.
-pub struct Skin<'a> {
+pub struct SkinSearch<'a> {
     /// The points.
     pub points: &'a [SkinPoint],
     tree: Option<ImmutableKdTree<f64, 3>>,
 }
 
-impl<'a> Skin<'a> {
+impl<'a> SkinSearch<'a> {
     /// The surface of some points; there may be none.
     #[must_use]
     pub fn of(points: &'a [SkinPoint]) -> Self {

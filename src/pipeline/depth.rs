@@ -79,18 +79,25 @@ impl Depth {
     }
 }
 
-/// The boundary of a solid: one skin point per boundary voxel, ascending in voxel offset, and those
-/// voxels.
+/// The boundary of a solid: one point per boundary voxel, ascending in voxel offset.
+#[derive(Clone, Debug)]
+pub struct Skin {
+    points: Vec<SkinPoint>,
+    voxels: Vec<usize>,
+}
+
+/// The skin of a solid.
 #[must_use]
-pub fn skin(solid: &Solid) -> (Vec<SkinPoint>, Vec<usize>) {
+pub fn skin(solid: &Solid) -> Skin {
     let voxels = boundary_voxels(&solid.inside, true);
     let point_of = |&offset: &usize| skin_point(&solid.level, solid.inside.index(offset));
-    (voxels.par_iter().with_min_len(64).map(point_of).collect(), voxels)
+    Skin { points: voxels.par_iter().with_min_len(64).map(point_of).collect(), voxels }
 }
 
 /// Depths of a solid below its [`skin`].
 #[must_use]
-pub fn depth(solid: &Solid, (skin, skin_voxels): (Vec<SkinPoint>, Vec<usize>)) -> Depth {
+pub fn depth(solid: &Solid, skin: Skin) -> Depth {
+    let Skin { points: skin, voxels: skin_voxels } = skin;
     let Nearest { squared: mut depth, seed: nearest } = nearest_seed_within(&solid.inside, &skin_voxels);
     let [nx, ny, _] = solid.inside.dims();
     let rows = depth.as_mut_slice().par_chunks_mut(nx).zip(nearest.as_slice().par_chunks(nx));

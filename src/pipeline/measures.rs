@@ -3,7 +3,7 @@
 use nalgebra::{Point2, Point3, Vector3};
 use rayon::prelude::*;
 
-use super::coverage::Skin;
+use super::coverage::SkinSearch;
 use super::model::{Distortion, MeanAndP95};
 use super::params::LatticeSize;
 use super::shell::{Quad, Shell};
@@ -79,7 +79,7 @@ fn corner_turns(space: &[Point3<f64>], plane: &[Point3<f64>], quad: &Quad) -> [f
 /// within 60° of its normal: a blunt rim is as near on both sides and says nothing. Zero of a perfect medial sheet, one of
 /// a node on the skin or outside. The vectors are not used: they need not be the shortest way.
 #[must_use]
-pub fn medial_offset(nodes: &Nodes, skin: &Skin<'_>) -> MeanAndP95 {
+pub fn medial_offset(nodes: &Nodes, skin: &SkinSearch<'_>) -> MeanAndP95 {
     /// Cosine of 60°, the angle at which skin stops to be crest in the stage of the sides, too.
     const FACING_COSINE: f64 = 0.5;
     /// Nodes looked at; more say nothing new and cost time.

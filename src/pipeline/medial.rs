@@ -220,14 +220,10 @@ fn thin(
         for n in [o - nxy, o - nx, o - 1, o + 1, o + nx, o + nxy] {
             cells[n] |= OPEN;
         }
-        for z in [o - nxy, o, o + nxy] {
-            for y in [z - nx, z, z + nx] {
-                for n in y - 1..=y + 1 {
-                    if cells[n] & !NEAR == LEFT | OPEN {
-                        cells[n] |= QUEUED;
-                        front.push(rank_of(n), id(n));
-                    }
-                }
+        for n in around(o, 1, [nx, nxy]) {
+            if cells[n] & !NEAR == LEFT | OPEN {
+                cells[n] |= QUEUED;
+                front.push(rank_of(n), id(n));
             }
         }
     }

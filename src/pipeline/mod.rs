@@ -146,8 +146,7 @@ fn in_lanes<T: Send>(order: &[usize], work: impl Fn(usize) -> T + Sync) -> Vec<T
         done
     };
     let mut done = std::thread::scope(|scope| {
-        let others: Vec<_> =
-            (1..rayon::current_num_threads().min(order.len())).map(|_| scope.spawn(lane)).collect();
+        let others: Vec<_> = (1..rayon::current_num_threads().min(order.len())).map(|_| scope.spawn(lane)).collect();
         let mut done = lane();
         for other in others {
             done.extend(other.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));

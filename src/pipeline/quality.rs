@@ -4,7 +4,7 @@
 use crate::numerics::triangles::self_intersections;
 
 use super::closed::closed;
-use super::coverage::{Skin, coverage};
+use super::coverage::{SkinSearch, coverage};
 use super::depth::Depth;
 use super::legality::{Illegal, legality};
 use super::mask::Solid;
@@ -50,7 +50,7 @@ pub fn structure_quality(
     figures: &[Nodes],
     qualities: &mut [FigureQuality],
 ) -> StructureQuality {
-    let skin = Skin::of(&depth.skin);
+    let skin = SkinSearch::of(&depth.skin);
     let (whole, each) = coverage(solid, &skin, figures);
     for ((quality, coverage), nodes) in qualities.iter_mut().zip(each).zip(figures) {
         quality.coverage = coverage;

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
+use std::time::Duration;
 
 use jiff::{SignedDuration, Timestamp};
 use medialrep::jobs::job::{JobId, JobState, JobWarning, MaskInfo, ResultFile};
@@ -23,7 +24,7 @@ async fn store() -> (TempDir, Arc<dyn JobStore>) {
 async fn insert(store: &dyn JobStore) -> JobId {
     let id = JobId::now();
     let mask = MaskInfo { sha256: "ab".repeat(32), bytes: 7 };
-    let job = NewJob { id, mask, params_json: "{}".to_owned(), created_at: Timestamp::now() };
+    let job = NewJob { id, mask, params_json: "{}".to_owned(), created_at: Timestamp::now(), expected: Duration::ZERO };
     store.insert(&job, 1000).await.unwrap();
     id
 }
@@ -51,6 +52,29 @@ async fn jobs_are_claimed_in_order_of_arrival() {
         assert_eq!(claim(&*store).await.unwrap().id, id);
     }
     assert!(claim(&*store).await.is_none());
+}
+
+#[tokio::test]
+async fn short_jobs_pass_long_ones_but_not_for_ever() {
+    let (_dir, store) = store().await;
+    let start = Timestamp::now();
+    let arrives = async |after_s: i64, expected_s: u64| {
+        let (id, mask) = (JobId::now(), MaskInfo { sha256: "ab".repeat(32), bytes: 7 });
+        let created_at = start + SignedDuration::from_secs(after_s);
+        let expected = Duration::from_secs(expected_s);
+        store.insert(&NewJob { id, mask, params_json: "{}".to_owned(), created_at, expected }, 1000).await.unwrap();
+        id
+    };
+    let long = arrives(0, 20).await;
+    let short = arrives(1, 0).await;
+    let middle = arrives(2, 3).await;
+    let late = arrives(300, 0).await;
+    for (place, id) in [short, middle, long, late].into_iter().enumerate() {
+        assert_eq!(store.count_queued_before(id).await.unwrap(), place as u64);
+    }
+    for id in [short, middle, long, late] {
+        assert_eq!(claim(&*store).await.unwrap().id, id);
+    }
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 4)]
@@ -169,7 +193,13 @@ async fn the_queue_is_bounded_under_parallel_inserts() {
         tokio::spawn(async move {
             let mask = MaskInfo { sha256: String::new(), bytes: 0 };
             let id = JobId::now();
-            let job = NewJob { id, mask, params_json: "{}".to_owned(), created_at: Timestamp::now() };
+            let job = NewJob {
+                id,
+                mask,
+                params_json: "{}".to_owned(),
+                created_at: Timestamp::now(),
+                expected: Duration::ZERO,
+            };
             store.insert(&job, 7).await.is_ok()
         })
     });

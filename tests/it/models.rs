@@ -6,7 +6,7 @@ use medialrep::pipeline::model::{
     Coverage, Figure, FigureQuality, FlatPoints, Junction, Model, PerSurface, Reason, StageTimings, Structure,
     StructureQuality, TriangleMesh, Verdict, ring,
 };
-use medialrep::pipeline::observer::Warning;
+use medialrep::pipeline::observer::{Stage, Warning};
 use medialrep::pipeline::params::{LatticeSize, Params};
 use medialrep::pipeline::refusal::Refusal;
 use medialrep::pipeline::spokes::Nodes;
@@ -110,7 +110,7 @@ pub fn structure(label: i64, figures: Vec<Figure>) -> Structure {
                 .to_vec(),
             triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
         },
-        timings: StageTimings([1.5; 8]),
+        timings: StageTimings([1.5; Stage::ALL.len()]),
     }
 }
 

@@ -1,7 +1,8 @@
 //! Measures of quality, and how the verdict follows from them.
 
 use medialrep::formats::thickness_json::{self, InputFacts, OuterTimings};
-use medialrep::pipeline::depth::depth;
+use medialrep::pipeline::coverage::SkinSearch;
+use medialrep::pipeline::depth::{depth, skin};
 use medialrep::pipeline::mask::{label_boxes, solid};
 use medialrep::pipeline::measures::{distortion, medial_offset};
 use medialrep::pipeline::model::{
@@ -113,7 +114,7 @@ fn boxed(shift: f64) -> (StructureQuality, Vec<FigureQuality>, MeanAndP95) {
     let inside = |[i, j, k]: [usize; 3]| (4..28).contains(&i) && (4..34).contains(&j) && (4..16).contains(&k);
     let volume = painted([32, 38, 20], [1.0; 3], |at| u16::from(inside(at)));
     let solid = solid(&volume, 1, label_boxes(&volume)[1].unwrap(), None, &mut Vec::new()).unwrap();
-    let depth = depth(&solid);
+    let depth = depth(&solid, skin(&solid));
     let middle = depth.skin.iter().map(|s| s.position.coords).sum::<Vector3<f64>>() / depth.skin.len() as f64;
     let mut nodes = flat_slab(SIZE);
     let here = nodes.medial.iter().map(|p| p.coords).sum::<Vector3<f64>>() / nodes.medial.len() as f64;
@@ -124,7 +125,7 @@ fn boxed(shift: f64) -> (StructureQuality, Vec<FigureQuality>, MeanAndP95) {
         }
     }
     nodes.medial.iter_mut().for_each(|p| p.z += shift);
-    let offset = medial_offset(&nodes, &depth);
+    let offset = medial_offset(&nodes, &SkinSearch::of(&depth.skin));
     let mut qualities = vec![figure_quality(&nodes, PerSurface::default(), Repair::default())];
     let quality = structure_quality(&solid, &depth, &[nodes], &mut qualities);
     (quality, qualities, offset)

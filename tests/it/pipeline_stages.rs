@@ -3,7 +3,8 @@
 use std::collections::BTreeSet;
 
 use medialrep::numerics::topology::{is_simple, neighborhood};
-use medialrep::pipeline::depth::{Depth, depth};
+use medialrep::pipeline::depth::{Depth, depth, skin};
+use medialrep::pipeline::frame::Senses;
 use medialrep::pipeline::isomap::flatten;
 use medialrep::pipeline::lattice::{SpaceFromPlane, lattice};
 use medialrep::pipeline::mask::{Solid, label_boxes, solid};
@@ -22,7 +23,7 @@ use crate::phantoms::{painted, sample, turned, volume};
 fn thinned(volume: &LabelVolume) -> (Solid, Depth, MedialSurface) {
     let bounds = label_boxes(volume)[1].expect("label 1 is there");
     let solid = solid(volume, 1, bounds, None, &mut Vec::new()).expect("a solid");
-    let depth = depth(&solid);
+    let depth = depth(&solid, skin(&solid));
     let surface = medial_surface(&solid, &depth, &Silent).expect("not cancelled");
     (solid, depth, surface)
 }
@@ -57,7 +58,7 @@ fn thinning_keeps_the_topology_and_leaves_nothing_to_thin() {
             assert_eq!(euler(&set), euler(&solid.inside), "{name}");
             let [nx, ny, _] = set.dims();
             let thick = surface.points.iter().filter(|p| {
-                let bits = neighborhood(set.as_slice(), p.voxel, nx, nx * ny);
+                let bits = neighborhood(|n| u8::from(set.as_slice()[n]), p.voxel, nx, nx * ny);
                 is_simple(bits) && bits.count_ones() > 22
             });
             assert_eq!(thick.count(), 0, "{name} has thick places");
@@ -81,7 +82,8 @@ fn medial_points_are_equally_far_from_both_feet() {
 fn sides_lie_on_opposite_sides_and_are_one_piece() {
     let (solid, depth, surface) = thinned(&volume("twisted"));
     let found = sheets(&surface, &depth, Prune::Auto, None);
-    let sides = sides(&solid, &depth, &surface, &found).expect("orientable");
+    let senses = Senses::of(&solid.inside, &solid.world_from_work);
+    let sides = sides(&depth, &solid.world_from_work, &surface, &found, &senses).expect("orientable");
     assert_eq!(sides.len(), 1);
     for (side, sign) in [(&sides[0].upper, 1.0), (&sides[0].lower, -1.0)] {
         assert_eq!(side.surface.largest_piece().len(), side.surface.positions.len());

@@ -1,6 +1,6 @@
 //! Tails: strips of a sheet that are a few voxels wide at most.
 
-use medialrep::pipeline::depth::{Depth, depth};
+use medialrep::pipeline::depth::{Depth, depth, skin};
 use medialrep::pipeline::mask::{label_boxes, solid};
 use medialrep::pipeline::sides::SheetSides;
 use medialrep::pipeline::strip::{unfolded, widened};
@@ -33,7 +33,8 @@ fn in_space(p: Point2<f64>, hand: f64) -> Point3<f64> {
 fn block() -> Depth {
     let volume = painted([62; 3], [1.0; 3], |index| u16::from(index.iter().all(|x| (1..61).contains(x))));
     let bounds = label_boxes(&volume)[1].expect("label 1 is there");
-    depth(&solid(&volume, 1, bounds, None, &mut Vec::new()).expect("a solid"))
+    let solid = solid(&volume, 1, bounds, None, &mut Vec::new()).expect("a solid");
+    depth(&solid, skin(&solid))
 }
 
 #[test]
