@@ -25,6 +25,9 @@ const AUTO_LANDMARKS: usize = 48;
 /// Steps from voxel to voxel, per voxel of distance, within which an edge's ends must be joined.
 /// A straight diagonal needs 1; the staircase of a surface up to 1.5.
 const STEPS_PER_VOXEL: f64 = 1.5;
+/// Second eigenvalue over the first up to which points lie on a line: a plane a thousandth as wide as it
+/// is long. Lengths of edges are kept to a few digits less.
+const LINE_SHARE: f64 = 1e-6;
 /// Points that one thread takes at a time: fewer are not worth handing over.
 const POINTS_PER_TASK: usize = 256;
 /// Points that exact ISOMAP takes at most: its matrix takes 8 bytes a pair.
@@ -259,7 +262,7 @@ impl Geodesics {
             }
         }
         let leading = leading_two(gram)?;
-        if leading.values[1] <= 1e-9 * leading.values[0].abs() || leading.values[0] <= 0.0 {
+        if leading.values[1] <= LINE_SHARE * leading.values[0].abs() || leading.values[0] <= 0.0 {
             return None;
         }
         let rows = [0, 1].map(|k| leading.vectors[k].scale(1.0 / leading.values[k].sqrt()));

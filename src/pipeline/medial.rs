@@ -14,7 +14,6 @@
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
-use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
 
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
@@ -27,6 +26,7 @@ use crate::space::Grid;
 use super::depth::Depth;
 use super::mask::Solid;
 use super::observer::{Cancelled, Observer};
+use super::peel::{around, peeled, state};
 use super::surface::Surface;
 
 /// Cosine of the angle under which a medial voxel must see its two feet: 60°. Where n arms meet,
@@ -40,8 +40,6 @@ const MIN_CHORD: f64 = 3.0;
 const TIE: f64 = 0.05;
 /// How many voxels are thinned between two looks at the observer.
 const CANCEL_EVERY: usize = 1 << 14;
-/// Steps around a medial voxel in which the order of thinning matters, voxels.
-const NEAR_STEPS: usize = 2;
 /// Steps of the sub-voxel refinement; each halves what is left, and half a voxel is the start.
 const REFINE_STEPS: usize = 4;
 
@@ -136,20 +134,6 @@ fn rank(depth: f32) -> usize {
     floor_index(f64::from(depth * STEPS + PHASE))
 }
 
-/// What thinning knows of a voxel, as bits of a byte.
-mod state {
-    /// It is not yet taken away.
-    pub const LEFT: u8 = 1;
-    /// It waits in the queue.
-    pub const QUEUED: u8 = 2;
-    /// It is medial and stays.
-    pub const MEDIAL: u8 = 4;
-    /// One of its faces is open. Others are not simple.
-    pub const OPEN: u8 = 8;
-    /// It lies near a medial voxel, where the order of thinning matters.
-    pub const NEAR: u8 = 16;
-}
-
 /// Voxels in the order of rank and offset. Ranks ahead are buckets, sorted when their turn comes.
 #[derive(Default)]
 struct Front {
@@ -230,75 +214,6 @@ fn thin(
     let mut left: Vec<usize> = (0..cells.len()).filter(|&o| cells[o] & LEFT != 0).collect();
     thin_to_one_voxel(&mut cells, [nx, nxy], &mut left, rank_of);
     Ok(left)
-}
-
-/// The solid without what lies far from all medial voxels: taken away layer by layer, which all threads
-/// do together. There the order decides nothing, for in the end all of it goes; what topology holds
-/// back is left to the ordered thinning.
-///
-/// A layer is gone through in eight parts, by the parity of the voxel's indices. Voxels of one part do
-/// not touch, so that each may go, or not, whatever the others do (Bertrand, Aktouf, *A three-
-/// dimensional thinning algorithm using subfields*, SPIE 2356, 1994).
-fn peeled(inside: &Grid<bool>, depth: &Depth, medial: &[usize], observer: &dyn Observer) -> Result<Vec<u8>, Cancelled> {
-    use state::{LEFT, MEDIAL, NEAR, OPEN};
-    /// Voxels that one thread takes at a time.
-    const PER_TASK: usize = 512;
-    let [nx, ny, _] = inside.dims();
-    let nxy = nx * ny;
-    let cells: Vec<AtomicU8> = inside
-        .as_slice()
-        .par_iter()
-        .with_min_len(1 << 14)
-        .map(|is_in| AtomicU8::new(u8::from(*is_in) * LEFT))
-        .collect();
-    medial.par_iter().with_min_len(PER_TASK).for_each(|&o| {
-        around(o, NEAR_STEPS, [nx, nxy]).for_each(|n| {
-            cells[n].fetch_or(NEAR, Relaxed);
-        });
-        cells[o].fetch_or(MEDIAL, Relaxed);
-    });
-    depth.skin_voxels.par_iter().with_min_len(PER_TASK).for_each(|&o| {
-        cells[o].fetch_or(OPEN, Relaxed);
-    });
-    let is_far = |o: &usize| cells[*o].load(Relaxed) & NEAR == 0;
-    let mut layer: Vec<usize> = depth.skin_voxels.iter().copied().filter(is_far).collect();
-    while !layer.is_empty() {
-        observer.check()?;
-        let mut parts: [Vec<usize>; 8] = Default::default();
-        for &o in &layer {
-            parts[(o % nx % 2) | (o / nx % ny % 2) << 1 | (o / nxy % 2) << 2].push(o);
-        }
-        let before = layer.len();
-        layer.clear();
-        let mut held = Vec::new();
-        for part in parts {
-            let (going, staying): (Vec<usize>, Vec<usize>) = part
-                .par_iter()
-                .with_min_len(PER_TASK)
-                .partition(|&&o| is_simple(neighborhood(|n| cells[n].load(Relaxed), o, nx, nxy)));
-            // What is opened is found once: by the one that opens it first.
-            let opened = |&o: &usize| {
-                cells[o].store(0, Relaxed);
-                let beside = [o - nxy, o - nx, o - 1, o + 1, o + nx, o + nxy].into_iter();
-                beside.filter(|&n| cells[n].fetch_or(OPEN, Relaxed) == LEFT)
-            };
-            layer.par_extend(going.par_iter().with_min_len(PER_TASK).flat_map_iter(opened));
-            held.extend(staying);
-        }
-        let is_stuck = held.len() == before;
-        layer.extend(held);
-        if is_stuck {
-            break;
-        }
-    }
-    Ok(cells.into_iter().map(AtomicU8::into_inner).collect())
-}
-
-/// The voxels within some steps of one along each axis; they must lie in the grid.
-fn around(o: usize, steps: usize, [nx, nxy]: [usize; 2]) -> impl Iterator<Item = usize> {
-    let first = o - steps * (1 + nx + nxy);
-    let along = move || 0..2 * steps + 1;
-    along().flat_map(move |k| along().flat_map(move |j| along().map(move |i| first + i + j * nx + k * nxy)))
 }
 
 /// Medial voxels make the surface two thick in places: what is no end of the surface is thinned,

@@ -21,6 +21,8 @@ pub mod depth;
 
 pub mod surface;
 
+mod peel;
+
 pub mod medial;
 
 pub mod sheets;
