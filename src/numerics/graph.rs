@@ -11,7 +11,7 @@ const UNREACHED: u32 = u32::MAX;
 ///
 /// Searches read all edges again and again. So an edge is four bytes: the step to the place of the other
 /// node above, the length below, in [`Graph::unit`]s. The fewer bits steps take, the more are left for
-/// lengths: 16 for steps of up to 2¹⁵, which is 1 / 65 000 of the longest edge. And nodes are kept in an
+/// lengths: 16 for steps of up to 2¹⁵, which is 1 / 30 000 of the longest edge. And nodes are kept in an
 /// order of their own, in which what is searched together should lie together.
 #[derive(Clone, Debug, Default)]
 pub struct Graph {
@@ -20,7 +20,7 @@ pub struct Graph {
     rows: Vec<u32>,
     edges: Vec<u32>,
     length_bits: u32,
-    /// Length of one unit; the longest edge has 2^length_bits − 1.
+    /// Length of one unit, a power of two; the longest edge has less than 2^length_bits.
     unit: f64,
 }
 
@@ -41,7 +41,8 @@ impl Graph {
         // One bit more for the sign.
         let length_bits = widest.leading_zeros().saturating_sub(1).min(MOST_LENGTH_BITS);
         let most = ((1u32 << length_bits) - 1).max(1);
-        let unit = f64::from(longest) / f64::from(most);
+        // A power of two: whole and half lengths are kept exactly.
+        let unit = (f64::from(longest) / f64::from(most)).log2().ceil().exp2();
         let (mut rows, mut edges) = (vec![0], Vec::with_capacity(lists.iter().map(Vec::len).sum()));
         for (at, &node) in order.iter().enumerate() {
             for &(next, length) in &lists[node as usize] {
