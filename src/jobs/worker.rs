@@ -15,7 +15,7 @@ use tokio::time::{Instant, MissedTickBehavior, interval, sleep, timeout, timeout
 use tokio_util::sync::CancellationToken;
 
 use super::blobs::Blobs;
-use super::job::{Job, JobWarning, RequestedParams, ResultFile};
+use super::job::{Job, JobId, JobWarning, RequestedParams, ResultFile};
 use super::process::{Artifact, InputLimits, ProcessError, Processed};
 use super::queue::{Jobs, JobsError, Running};
 use super::store::{Claim, Outcome, Reclaim, StoreError};
@@ -113,17 +113,33 @@ impl Drop for Alive {
     }
 }
 
+/// Runs one job after the other. While the results of one are synced to disk and its row is written, the
+/// next one runs already.
 async fn work(jobs: &Arc<Jobs>, processor: &Processor, stop: &CancellationToken) {
+    let mut ending: Option<JoinHandle<()>> = None;
     while !stop.is_cancelled() {
         let now = Timestamp::now();
         match jobs.store().claim(now, now + LEASE).await {
-            Ok(Some(claim)) => run(jobs, processor, claim).await,
+            Ok(Some(claim)) => {
+                let ran = run(jobs, processor, claim).await;
+                ended(ending.take()).await;
+                ending = Some(tokio::spawn(end(Arc::clone(jobs), ran)));
+            }
             Ok(None) => wait(jobs, stop).await,
             Err(error) => {
                 tracing::error!(%error, "no job can be claimed");
                 wait(jobs, stop).await;
             }
         }
+    }
+    ended(ending).await;
+}
+
+async fn ended(ending: Option<JoinHandle<()>>) {
+    if let Some(ending) = ending
+        && let Err(error) = ending.await
+    {
+        tracing::error!(%error, "a job was not ended; its lease runs out");
     }
 }
 
@@ -135,7 +151,13 @@ async fn wait(jobs: &Jobs, stop: &CancellationToken) {
     }
 }
 
-async fn run(jobs: &Arc<Jobs>, processor: &Processor, claim: Claim) {
+/// A job that was run, its outcome not yet known to anybody.
+struct Ran {
+    running: Arc<Running>,
+    outcome: Outcome,
+}
+
+async fn run(jobs: &Arc<Jobs>, processor: &Processor, claim: Claim) -> Ran {
     let Claim { lease, job } = claim;
     let running = jobs.begin(lease);
     // Between the claim and this line nobody could reach the run to stop it.
@@ -144,8 +166,21 @@ async fn run(jobs: &Arc<Jobs>, processor: &Processor, claim: Claim) {
     }
     tracing::info!(job = %job.id, attempt = job.attempt, "job begun");
     let outcome = run_blocking(jobs, processor, &job, &running).await;
-    let is_written = finish(jobs, &running, &outcome).await;
-    clean_up(jobs, &running, &outcome, is_written).await;
+    Ran { running, outcome }
+}
+
+/// Brings results to disk, then says that they are there.
+async fn end(jobs: Arc<Jobs>, ran: Ran) {
+    let Ran { running, mut outcome } = ran;
+    if matches!(outcome, Outcome::Succeeded { .. }) {
+        let (blobs, lease) = (jobs.blobs().clone(), running.lease.clone());
+        let synced = spawn_blocking(move || blobs.sync_attempt(lease.id, &lease.token)).await;
+        if let Err(error) = synced.unwrap_or_else(|panic| Err(std::io::Error::other(panic))) {
+            outcome = storage_failed(running.lease.id, &error);
+        }
+    }
+    let is_written = finish(&jobs, &running, &outcome).await;
+    clean_up(&jobs, &running, &outcome, is_written).await;
     jobs.end(&running);
 }
 
@@ -185,14 +220,11 @@ impl Attempt {
         };
         let folder = match self.blobs.begin_attempt(id, token) {
             Ok(folder) => folder,
-            Err(error) => return self.storage_failed(&error),
+            Err(error) => return storage_failed(id, &error),
         };
         let mask = self.blobs.mask_path(id);
         match processor(&mask, params.checked(), self.limits, &folder, &*self.running) {
-            Ok(processed) => match self.blobs.sync_attempt(id, token) {
-                Ok(()) => succeeded(&processed),
-                Err(error) => self.storage_failed(&error),
-            },
+            Ok(processed) => succeeded(&processed),
             Err(ProcessError::Cancelled) => Outcome::Canceled,
             Err(ProcessError::Problem(problem)) => {
                 if problem.status >= 500 {
@@ -202,16 +234,16 @@ impl Attempt {
             }
         }
     }
+}
 
-    fn storage_failed(&self, error: &std::io::Error) -> Outcome {
-        tracing::error!(job = %self.job.id, %error, "results cannot be written");
-        let problem = if error.kind() == std::io::ErrorKind::StorageFull {
-            Problem::new(507, "storage_full", "the server has no room for the results")
-        } else {
-            Problem::internal()
-        };
-        Outcome::Failed(Box::new(problem))
-    }
+fn storage_failed(job: JobId, error: &std::io::Error) -> Outcome {
+    tracing::error!(%job, %error, "results cannot be written");
+    let problem = if error.kind() == std::io::ErrorKind::StorageFull {
+        Problem::new(507, "storage_full", "the server has no room for the results")
+    } else {
+        Problem::internal()
+    };
+    Outcome::Failed(Box::new(problem))
 }
 
 fn succeeded(processed: &Processed) -> Outcome {

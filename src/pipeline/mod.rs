@@ -113,8 +113,8 @@ pub fn run(volume: &LabelVolume, params: &CheckedParams, observer: &dyn Observer
         let bounds = boxes[usize::from(index)].ok_or(Refusal::EmptyMask)?;
         let work =
             structure::Work { volume, index, bounds, params, observer, number, count: indices.len(), repeat: None };
-        let is_large = bounds.voxels() > LARGE_BOX;
-        Ok::<Structure, PipelineError>(if is_large { work.run()? } else { rayon::scope(|_| work.run())? })
+        let is_small = bounds.voxels() <= SMALL_BOX;
+        Ok::<Structure, PipelineError>(if is_small { on_one_thread(|| work.run())? } else { work.run()? })
     };
     let mut order: Vec<usize> = (0..indices.len()).collect();
     order.sort_by_key(|&number| Reverse(boxes[usize::from(indices[number])].map_or(0, |bounds| bounds.voxels())));
@@ -130,11 +130,22 @@ pub fn run(volume: &LabelVolume, params: &CheckedParams, observer: &dyn Observer
     }
 }
 
-/// Box, in voxels, up to which a structure is one piece of work of the pool, which saves handing every
-/// loop over (a tenth of the time of one of 20 000 voxels). A thread of the pool that waits for a part
-/// of a loop takes up other work meanwhile: were that a whole large structure, a small one would wait
-/// for it. So a large one is worked on by a thread outside, and hands its loops to the pool.
-const LARGE_BOX: u64 = 1 << 20;
+/// Box, in voxels, up to which a structure is worked on by one thread: there is too little to share.
+const SMALL_BOX: u64 = 1 << 18;
+
+/// Does `work` on one thread, its loops included.
+///
+/// On the shared pool, a thread that waits for a part of a loop takes up other work: it would begin the
+/// next structure, and the one it came from would wait for that one's end. So small structures have a
+/// pool of their own, and large ones are worked on by threads outside of the pool, which lends itself
+/// to their loops only.
+fn on_one_thread<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    match rayon::ThreadPoolBuilder::new().num_threads(1).build() {
+        Ok(pool) => pool.install(work),
+        // No thread to be had: the shared pool does it.
+        Err(_) => work(),
+    }
+}
 
 /// Does `work` for every number of `order`, in that order, as many at a time as the rayon pool has
 /// threads; the results are in the order of the numbers.
