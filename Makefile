@@ -1,6 +1,6 @@
 # What one does here. `make run` and `make test` are all that a newcomer needs.
 
-.PHONY: run test lint openapi image-check deny clean
+.PHONY: run test bench lint openapi image-check deny clean
 
 # The service on 127.0.0.1:8080, with a sample job already sent.
 run:
@@ -9,6 +9,10 @@ run:
 # Everything, with a closing count.
 test:
 	@scripts/test.sh
+
+# What each stage costs at three sizes, and the whole, on one thread.
+bench:
+	cargo bench --locked --bench stages
 
 lint:
 	cargo fmt --check
