@@ -1,5 +1,7 @@
 //! Weighted undirected graphs in compressed rows, and shortest paths on them.
 
+use std::hint::black_box;
+
 use super::field::{floor_index, id};
 
 /// Bits that a length takes at most: with more, sums over tens of thousands of edges would not fit.
@@ -122,29 +124,41 @@ impl Graph {
         const BITS_PER_EDGE: u32 = 3;
         /// No edge leads further ahead than by one bucket more: so many are used in turn.
         const BUCKETS: usize = 16;
+        /// Nodes that are gone through together.
+        const BATCH: usize = 16;
         let bucket_of = |distance: u32| (distance >> self.length_bits.saturating_sub(BITS_PER_EDGE)) as usize;
         let mut buckets: [Vec<(u32, u32)>; BUCKETS] = Default::default();
         distances[source as usize] = 0;
         buckets[0].push((source, 0));
         let (mut bucket, mut waiting) = (0, 1usize);
+        let mut batch = Vec::with_capacity(BATCH);
         while waiting > 0 {
-            let Some((node, reached)) = buckets[bucket % BUCKETS].pop() else {
-                bucket += 1;
-                continue;
-            };
-            waiting -= 1;
-            if reached > distances[node as usize] {
-                continue;
-            }
-            for (next, length) in self.edges(node) {
-                let through = reached.saturating_add(length);
-                if through < distances[next as usize] {
-                    distances[next as usize] = through;
-                    buckets[bucket_of(through) % BUCKETS].push((next, through));
-                    waiting += 1;
+            let own = &mut buckets[bucket % BUCKETS];
+            batch.extend(own.drain(own.len().saturating_sub(BATCH)..));
+            bucket += usize::from(batch.is_empty());
+            waiting -= batch.len();
+            batch.retain(|&(node, reached): &(u32, u32)| reached <= distances[node as usize]);
+            // Rows lie anywhere in memory: asked for together, they come together.
+            black_box(batch.iter().map(|&(node, _)| self.touched(node)).fold(0, |a, b| a ^ b));
+            for (node, reached) in batch.drain(..) {
+                for (next, length) in self.edges(node) {
+                    let through = reached.saturating_add(length);
+                    if through < distances[next as usize] {
+                        distances[next as usize] = through;
+                        buckets[bucket_of(through) % BUCKETS].push((next, through));
+                        waiting += 1;
+                    }
                 }
             }
         }
+    }
+
+    /// Reads one edge of every line of memory that a row takes.
+    fn touched(&self, node: u32) -> u32 {
+        /// Edges in a line of 64 bytes.
+        const LINE: usize = 16;
+        let row = &self.edges[self.rows[node as usize] as usize..self.rows[node as usize + 1] as usize];
+        row.iter().step_by(LINE).fold(0, |a, b| a ^ b)
     }
 
     /// The farthest node that can be reached, the first of equals.
