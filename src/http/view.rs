@@ -56,7 +56,7 @@ pub struct JobView {
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Progress)]
 pub struct ProgressView {
-    /// The stage: read, distance, skeleton, sheets, sides, isomap, lattice, spokes, quality.
+    /// The stage: read, mask, distance, skeleton, sheets, sides, isomap, lattice, spokes, quality.
     stage: &'static str,
     /// Share of the whole run, 0 to 1.
     #[schema(minimum = 0, maximum = 1)]

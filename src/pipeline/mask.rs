@@ -25,8 +25,9 @@ const BOUNDARY_SIGMA: f64 = 1.0;
 /// Relative difference of spacings, and cosine between axes, up to which a grid counts as
 /// isotropic and orthogonal.
 const ISOTROPY_TOLERANCE: f64 = 5e-3;
-/// Voxels of a working grid: a little more than 512³. The stages take about 20 bytes for each, so a
-/// structure stays near 3 GB whatever `resolution_mm` asks for.
+/// Voxels of a working grid: a little more than 512³. The stages take 16 bytes for each, and about a
+/// kilobyte for each voxel of the surface: a structure stays near 3 GB whatever `resolution_mm` asks
+/// for.
 const MAX_WORKING_VOXELS: u64 = 150_000_000;
 /// A second part of at least this share of the largest is not a stray.
 const PART_SHARE: f64 = 0.1;

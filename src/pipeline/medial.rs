@@ -5,7 +5,8 @@
 //!
 //! 1. a voxel is *medial* where two skin points far apart, seen under a wide angle, are equally
 //!    near (the integer medial axis of Hesselink, Roerdink, PAMI 30, 2008, on sub-voxel feet);
-//! 2. all others are taken away from the skin inward as long as no topology changes;
+//! 2. all others are taken away from the skin inward as long as no topology changes: those far from
+//!    medial voxels by all threads together ([`super::peel`]), the rest one by one, by depth;
 //! 3. medial voxels that are no end of a surface are taken away where it is thicker than one voxel;
 //! 4. each voxel is moved to where its two feet are equally far: the sub-voxel medial point.
 //!
