@@ -12,7 +12,7 @@ const UNREACHED: u32 = u32::MAX;
 /// A weighted undirected graph; the edges of the node kept at `a` are `edges[rows[a]..rows[a + 1]]`.
 ///
 /// Searches read all edges again and again. So an edge is four bytes: the step to the place of the other
-/// node above, the length below, in [`Graph::unit`]s. The fewer bits steps take, the more are left for
+/// node above, the length below, in units. The fewer bits steps take, the more are left for
 /// lengths: 16 for steps of up to 2¹⁵, which is 1 / 30 000 of the longest edge. And nodes are kept in an
 /// order of their own, in which what is searched together should lie together.
 #[derive(Clone, Debug, Default)]

@@ -67,7 +67,7 @@ pub struct Solid {
 }
 
 /// A label as it was cut out of the volume: cleaned, with one free voxel all around, its axes in
-/// the order of [`along_world`].
+/// the order of the world.
 #[derive(Clone, Debug)]
 pub struct NativeMask {
     /// The voxels.

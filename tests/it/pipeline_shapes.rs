@@ -181,18 +181,21 @@ fn permuted_and_mirrored_storage_gives_the_same_nodes() {
 
 #[test]
 fn every_thread_count_gives_the_same_result() {
-    let volume = volume("two");
-    let on = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
-        pool.install(|| model_of(&volume, params()))
-    };
-    let (one, two) = (on(1), on(2));
-    assert_eq!(one.structures.len(), 2);
-    for (a, b) in one.structures.iter().zip(&two.structures) {
-        assert_eq!(a.quality, b.quality);
-        for (f, g) in a.figures.iter().zip(&b.figures) {
-            assert_eq!((&f.medial, &f.upper, &f.lower, &f.crest), (&g.medial, &g.upper, &g.lower, &g.crest));
-            assert_eq!(f.points, g.points);
+    // Two small structures side by side, and a large one that all threads work on.
+    let large = sample("bent_even").voxelise([0.7; 3], turned()).expect("fits in memory");
+    for (volume, structures) in [(volume("two"), 2), (large, 1)] {
+        let on = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+            pool.install(|| model_of(&volume, params()))
+        };
+        let (one, three) = (on(1), on(3));
+        assert_eq!(one.structures.len(), structures);
+        for (a, b) in one.structures.iter().zip(&three.structures) {
+            assert_eq!((&a.quality, &a.object.positions), (&b.quality, &b.object.positions));
+            for (f, g) in a.figures.iter().zip(&b.figures) {
+                assert_eq!((&f.medial, &f.upper, &f.lower, &f.crest), (&g.medial, &g.upper, &g.lower, &g.crest));
+                assert_eq!(f.points, g.points);
+            }
         }
     }
 }
