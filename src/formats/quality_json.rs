@@ -68,6 +68,7 @@ struct ReasonJson<'a> {
 #[derive(Serialize)]
 struct CoverageJson {
     dice: Rounded,
+    grain_mm: Rounded,
     covered_share: Rounded,
     mask_to_model: DistanceJson,
     model_to_mask: DistanceJson,
@@ -182,6 +183,7 @@ fn reason_json(reason: &Reason) -> ReasonJson<'_> {
 fn coverage_json(coverage: &Coverage) -> CoverageJson {
     CoverageJson {
         dice: Rounded(coverage.dice),
+        grain_mm: Rounded(coverage.grain_mm),
         covered_share: Rounded(coverage.covered_share),
         mask_to_model: distance_json(coverage.mask_to_model),
         model_to_mask: distance_json(coverage.model_to_mask),

@@ -22,8 +22,9 @@ const SAMPLE_STEP: f64 = 0.7;
 /// Distance between the balls that split the mask among figures, voxels. The split moves by less
 /// than a voxel with it, and the search is the slowest part of this stage.
 const BALL_STEP: f64 = 2.0;
-/// Distance within which the mask's surface counts as covered, voxels.
-const COVERED: f64 = 1.0;
+/// Share of the radius that cells of a coarse lattice may be off: a finer mask of the same object is not
+/// to turn a result that is as good into a worse one.
+const GRAIN: f64 = 0.1;
 
 /// Coverage of the whole mask by all figures, and of each figure's share of it by that figure.
 ///
@@ -36,11 +37,13 @@ pub fn coverage(solid: &Solid, skin: &SkinSearch<'_>, figures: &[Nodes]) -> (Cov
     let skin_owner: Vec<usize> = skin.points.par_iter().map(|s| owners.of_point(s.position)).collect();
     let samples: Vec<Vec<SkinPoint>> = figures.par_iter().map(|nodes| surface_samples(nodes.into())).collect();
     let (dice, dice_of) = overlaps(&solid.mask, figures, &owners);
+    let grain = grain(figures);
     let measured = |dice: f64, own: &[SkinPoint], samples: &[SkinPoint]| {
         let to_model = SkinSearch::of(samples).distances(own);
         Coverage {
             dice,
-            covered_share: to_model.iter().filter(|d| **d <= COVERED).count() as f64 / to_model.len().max(1) as f64,
+            grain_mm: grain * solid.voxel_mm,
+            covered_share: to_model.iter().filter(|d| **d <= grain).count() as f64 / to_model.len().max(1) as f64,
             mask_to_model: summary(to_model, solid.voxel_mm),
             model_to_mask: summary(skin.distances(samples), solid.voxel_mm),
         }
@@ -55,6 +58,13 @@ pub fn coverage(solid: &Solid, skin: &SkinSearch<'_>, figures: &[Nodes]) -> (Cov
         measured(dice, &own, samples)
     });
     (whole, each.collect())
+}
+
+/// The unit of the fit, voxels: one, or a share of the median radius if that is more.
+fn grain(figures: &[Nodes]) -> f64 {
+    let mut radii: Vec<f64> = figures.iter().flat_map(|nodes| nodes.radii.iter().copied()).collect();
+    radii.sort_by(f64::total_cmp);
+    radii.get(radii.len() / 2).map_or(1.0, |median| (GRAIN * median).max(1.0))
 }
 
 /// A surface given by points with normals, to be found by distance.

@@ -53,7 +53,9 @@ pub struct DistanceSummary {
 pub struct Coverage {
     /// Overlap of all cells, crest wedges included, with the mask.
     pub dice: f64,
-    /// Share of the mask's surface within one voxel of the model's.
+    /// What fits are measured in, mm: a voxel or, of thick objects, a tenth of the median radius.
+    pub grain_mm: f64,
+    /// Share of the mask's surface within one grain of the model's.
     pub covered_share: f64,
     /// From the mask's surface to the model's.
     pub mask_to_model: DistanceSummary,

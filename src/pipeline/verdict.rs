@@ -6,10 +6,10 @@ use super::quality::worst;
 
 /// Thresholds as `(warn, fail)`. Overlap of the cells with the mask.
 const DICE: (f64, f64) = (0.90, 0.75);
-/// Share of the mask's surface within one voxel of the model's.
+/// Share of the mask's surface within one grain (a voxel, or a tenth of the radius) of the model's.
 const COVERED: (f64, f64) = (0.60, 0.30);
-/// 95th percentile of the distance from the mask's surface to the model's, voxels.
-const FAR_VOXELS: (f64, f64) = (4.0, 12.0);
+/// 95th percentile of the distance from the mask's surface to the model's, grains.
+const FAR: (f64, f64) = (4.0, 12.0);
 /// ISOMAP residual variance of any surface.
 const RESIDUAL: (f64, f64) = (0.05, 0.20);
 /// Spacing variation of the medial lattice.
@@ -60,7 +60,7 @@ fn table(quality: &StructureQuality, figures: &[FigureQuality], voxel_mm: f64) -
     let never = |code, what, count: usize| measure(code, what, count as f64, (None, Some(0.0)), false);
     let below = |code, what, value, (warn, fail)| measure(code, what, value, (Some(warn), Some(fail)), true);
     let above = |code, what, value, (warn, fail)| measure(code, what, value, (Some(warn), Some(fail)), false);
-    let far = quality.coverage.mask_to_model.p95_mm / voxel_mm;
+    let far = quality.coverage.mask_to_model.p95_mm / quality.coverage.grain_mm.max(voxel_mm);
     let crossings = quality.self_intersections.unwrap_or(0) as f64;
     let invalid = worst(figures, |f| 1.0 - f.valid_share);
     vec![
@@ -83,7 +83,7 @@ fn table(quality: &StructureQuality, figures: &[FigureQuality], voxel_mm: f64) -
         ),
         below("dice", "overlap of the cells with the mask", quality.coverage.dice, DICE),
         below("covered_share", "share of the mask's surface covered", quality.coverage.covered_share, COVERED),
-        above("surface_distance", "95 % distance from the mask's surface, voxels", far, FAR_VOXELS),
+        above("surface_distance", "95 % distance from the mask's surface, in voxels or tenths of the radius", far, FAR),
         above("residual_variance", "residual variance of the flattening", quality.residual_variance, RESIDUAL),
         above("spacing_variation", "unevenness of the lattice", quality.spacing_variation, SPACING),
         above("medial_offset", "95 % offset of medial nodes from the middle", quality.medial_offset.p95, OFFSET),

@@ -166,7 +166,7 @@ fn uncertainty_is_written_when_it_was_asked_for() {
 fn quality_has_its_names_per_figure_and_per_structure() {
     let document = thickness(&model());
     let structure = &document["structures"][0];
-    let fit = ["dice", "covered_share", "mask_to_model", "model_to_mask"];
+    let fit = ["dice", "grain_mm", "covered_share", "mask_to_model", "model_to_mask"];
     let folds = ["folds", "folds_before_repair", "repaired_nodes", "shortened_nodes"];
     let even = ["spacing_variation", "distortion", "medial_offset"];
     let turned = ["folded_cells", "folded_centres", "folded_wedges", "self_intersections"];

@@ -6,18 +6,19 @@ use medialrep::pipeline::depth::{depth, skin};
 use medialrep::pipeline::mask::{label_boxes, solid};
 use medialrep::pipeline::measures::{distortion, medial_offset};
 use medialrep::pipeline::model::{
-    Coverage, Distortion, Figure, FigureQuality, MeanAndP95, Model, PerSurface, Repair, StructureQuality, Verdict,
+    Coverage, DistanceSummary, Distortion, Figure, FigureQuality, MeanAndP95, Model, PerSurface, Repair,
+    StructureQuality, Verdict,
 };
-use medialrep::pipeline::params::LatticeSize;
+use medialrep::pipeline::params::{LatticeSize, Params};
 use medialrep::pipeline::quality::{figure_quality, structure_quality};
 use medialrep::pipeline::spokes::Nodes;
 use medialrep::pipeline::summary::node_areas;
 use medialrep::pipeline::verdict::judge;
-use nalgebra::{Point2, Point3, Vector3};
+use nalgebra::{Point2, Point3, Rotation3, Vector3};
 use serde_json::Value;
 
 use crate::models::{flat_slab, model};
-use crate::phantoms::{model_of, painted, params, volume};
+use crate::phantoms::{model_of, painted, params, sample, volume};
 
 const SIZE: LatticeSize = LatticeSize { rows: 4, cols: 5 };
 
@@ -244,4 +245,21 @@ fn a_count_is_told_as_a_count() {
     let quality = judged(|q| q.folded_wedges = 3);
     let message = "the crest is turned over: the number of its wedges is 3, none is allowed";
     assert_eq!(quality.reasons[0].message, message);
+}
+
+#[test]
+fn thick_objects_are_judged_by_tenths_of_their_radius() {
+    let judged = |grain_mm: f64| {
+        let mask_to_model = DistanceSummary { p95_mm: 6.0, ..DistanceSummary::default() };
+        let coverage = Coverage { dice: 0.97, covered_share: 0.95, grain_mm, mask_to_model, ..Coverage::default() };
+        let mut quality = StructureQuality { coverage, ..StructureQuality::default() };
+        judge(&mut quality, &[], 1.0);
+        quality.verdict
+    };
+    assert_eq!([judged(1.0), judged(2.0)], [Verdict::Warn, Verdict::Pass]);
+    let fine = sample("slab").voxelise([0.35; 3], Rotation3::identity()).expect("fits in memory");
+    let quality = model_of(&fine, Params::default()).structures.remove(0).quality;
+    // The slab is 8 mm thick: its median radius is near 4 mm.
+    assert!((0.35..0.41).contains(&quality.coverage.grain_mm), "{}", quality.coverage.grain_mm);
+    assert_ne!(quality.verdict, Verdict::Fail);
 }
