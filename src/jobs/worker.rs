@@ -116,14 +116,14 @@ impl Drop for Alive {
 /// Runs one job after the other. While the results of one are synced to disk and its row is written, the
 /// next one runs already.
 async fn work(jobs: &Arc<Jobs>, processor: &Processor, stop: &CancellationToken) {
-    let mut ending: Option<JoinHandle<()>> = None;
+    let mut ending: Option<Ending> = None;
     while !stop.is_cancelled() {
         let now = Timestamp::now();
         match jobs.store().claim(now, now + LEASE).await {
             Ok(Some(claim)) => {
                 let ran = run(jobs, processor, claim).await;
-                ended(ending.take()).await;
-                ending = Some(tokio::spawn(end(Arc::clone(jobs), ran)));
+                ended(jobs, ending.take()).await;
+                ending = Some((Arc::clone(&ran.running), tokio::spawn(end(Arc::clone(jobs), ran))));
             }
             Ok(None) => wait(jobs, stop).await,
             Err(error) => {
@@ -132,14 +132,18 @@ async fn work(jobs: &Arc<Jobs>, processor: &Processor, stop: &CancellationToken)
             }
         }
     }
-    ended(ending).await;
+    ended(jobs, ending).await;
 }
 
-async fn ended(ending: Option<JoinHandle<()>>) {
-    if let Some(ending) = ending
-        && let Err(error) = ending.await
-    {
-        tracing::error!(%error, "a job was not ended; its lease runs out");
+/// A job whose outcome is being written.
+type Ending = (Arc<Running>, JoinHandle<()>);
+
+async fn ended(jobs: &Jobs, ending: Option<Ending>) {
+    let Some((running, ending)) = ending else { return };
+    if let Err(error) = ending.await {
+        tracing::error!(job = %running.lease.id, %error, "a job was not ended; its lease runs out");
+        // No longer extended by the heartbeat.
+        jobs.end(&running);
     }
 }
 

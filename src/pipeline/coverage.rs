@@ -69,8 +69,7 @@ fn grain(figures: &[Nodes]) -> f64 {
 
 /// A surface given by points with normals, to be found by distance.
 pub struct SkinSearch<'a> {
-    /// The points.
-    pub points: &'a [SkinPoint],
+    points: &'a [SkinPoint],
     tree: Option<ImmutableKdTree<f64, 3>>,
 }
 

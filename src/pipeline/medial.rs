@@ -248,10 +248,7 @@ fn surface_of(left: &[usize], depth: &Depth) -> MedialSurface {
 fn touching(voxels: &[usize], [nx, ny, _]: [usize; 3]) -> Vec<Vec<u32>> {
     /// Voxels that are worked on together.
     const CHUNK: usize = 4096;
-    let steps = |o: usize| {
-        let planes = [o - nx * ny, o, o + nx * ny].into_iter();
-        planes.flat_map(move |z| [z - nx, z, z + nx]).flat_map(|y| [y - 1, y, y + 1])
-    };
+    let steps = |o: usize| around(o, 1, [nx, nx * ny]);
     let of_chunk = |chunk: &[usize]| {
         // Where each of the 27 neighbours would be: it moves on as the voxel does.
         let mut place: Vec<usize> = steps(chunk[0]).map(|n| voxels.partition_point(|&v| v < n)).collect();

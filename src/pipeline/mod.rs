@@ -99,9 +99,9 @@ pub enum PipelineError {
 /// One structure that is refused does not spoil the others: it is listed with its
 /// [`Refusal`]. Only when all are refused is the run.
 ///
-/// As many structures are in work at a time as the rayon pool has threads, the largest first, and
-/// the loops of each use the whole pool. Each is computed on its own, so the result does not depend on
-/// the threads.
+/// As many structures are in work at a time as the rayon pool has threads, the largest first. A small one
+/// is worked on by one thread, the loops of a large one use the whole pool. Each is computed on its own,
+/// so the result does not depend on the threads.
 ///
 /// # Errors
 /// When cancelled, when a label asked for is missing, or when every structure is refused.
