@@ -18,6 +18,7 @@
 //! calls it from its workers.
 //!
 //! Dependencies point one way: `cli → http → jobs → {formats, pipeline} → numerics → space`.
+//! [`audit`] lies under `jobs` and knows nothing of it.
 //! `pipeline`, `numerics` and `space` know no web framework, no serialisation, no file system and
 //! no environment; a test holds that. A stage is a plain function over plain data; progress and
 //! cancelling go through [`pipeline::observer::Observer`], warnings are returned.
@@ -50,6 +51,8 @@ pub mod pipeline;
 pub mod problem;
 
 pub mod formats;
+
+pub mod audit;
 
 pub mod jobs;
 

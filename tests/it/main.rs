@@ -49,6 +49,8 @@ mod pipeline_quality;
 
 mod cli_serve;
 
+mod audit_log;
+
 mod support;
 
 mod api_submit;
