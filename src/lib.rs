@@ -17,8 +17,7 @@
 //! `jobs::process` is that line from file to files. `medialrep run` calls it once; the service
 //! calls it from its workers.
 //!
-//! Dependencies point one way: `cli → http → jobs → {formats, pipeline} → numerics → space`.
-//! [`audit`] lies under `jobs` and knows nothing of it.
+//! Dependencies point one way: `cli → http → jobs → {audit, webhook, formats, pipeline} → numerics → space`.
 //! `pipeline`, `numerics` and `space` know no web framework, no serialisation, no file system and
 //! no environment; a test holds that. A stage is a plain function over plain data; progress and
 //! cancelling go through [`pipeline::observer::Observer`], warnings are returned.
@@ -51,6 +50,8 @@ pub mod pipeline;
 pub mod problem;
 
 pub mod formats;
+
+pub mod webhook;
 
 pub mod audit;
 

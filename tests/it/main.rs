@@ -67,4 +67,6 @@ mod api_wire;
 
 mod api_document;
 
+mod webhooks_send;
+
 mod tidy;

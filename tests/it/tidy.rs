@@ -67,6 +67,7 @@ fn lower_layers_do_not_name_higher_ones() {
     check_never(&["src/space"], &["crate::numerics", "crate::pipeline"]);
     check_never(&["src/numerics"], &["crate::pipeline"]);
     check_never(&["src/formats"], &["crate::jobs", "crate::http", "crate::cli", "tokio", "axum"]);
+    check_never(&["src/webhook"], &["axum", "sqlx", "crate::"]);
     check_never(&["src/jobs"], &["axum", "crate::http", "crate::cli", "crate::config"]);
     check_never(&["src/http"], &["crate::cli", "sqlx::query"]);
 }
