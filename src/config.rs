@@ -6,8 +6,10 @@ use std::thread::available_parallelism;
 use std::time::Duration;
 
 use crate::jobs::process::InputLimits;
-use crate::jobs::queue::JobLimits;
+use crate::jobs::queue::{JobLimits, Retention};
+use crate::jobs::store::QueueLimits;
 use crate::jobs::upload::UploadLimits;
+use crate::webhook::WebhookConfig;
 
 /// The service.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -24,6 +26,10 @@ pub struct ServeConfig {
     pub jobs: JobLimits,
     /// What bounds the connections.
     pub connections: ConnectionLimits,
+    /// Origins whose pages may use the service.
+    pub cors_origins: Vec<String>,
+    /// Where webhooks may go and how they are signed; `None` sends none.
+    pub webhooks: Option<WebhookConfig>,
 }
 
 impl Default for ServeConfig {
@@ -34,15 +40,22 @@ impl Default for ServeConfig {
             workers: default_workers(),
             drain: Duration::from_secs(30),
             jobs: JobLimits {
-                max_queued: 1000,
+                queue: QueueLimits { jobs: 1000, bytes: 8 << 30, share_percent: 50 },
+                min_free_bytes: 512 << 20,
+                max_uploads: 64,
+                max_requests: 512,
+                max_run: Duration::from_secs(1800),
                 upload: UploadLimits {
                     max_bytes: 512 << 20,
                     idle: Duration::from_secs(30),
                     total: Duration::from_secs(900),
                 },
                 input: InputLimits::default(),
+                keep: Retention { jobs: days(30), masks: days(1), results: days(7) },
             },
             connections: ConnectionLimits::default(),
+            cors_origins: Vec::new(),
+            webhooks: None,
         }
     }
 }
@@ -60,8 +73,12 @@ pub struct ConnectionLimits {
 
 impl Default for ConnectionLimits {
     fn default() -> Self {
-        Self { max_connections: 2048, header_read: Duration::from_secs(15), buffer_bytes: 64 << 10 }
+        Self { max_connections: 4096, header_read: Duration::from_secs(15), buffer_bytes: 64 << 10 }
     }
+}
+
+fn days(count: u64) -> Option<Duration> {
+    Some(Duration::from_secs(count * 24 * 3600))
 }
 
 /// One worker per core.

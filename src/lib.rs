@@ -55,6 +55,8 @@ pub mod webhook;
 
 pub mod audit;
 
+pub mod metrics;
+
 pub mod jobs;
 
 pub mod http;

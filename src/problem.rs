@@ -28,6 +28,9 @@ pub struct Problem {
     pub hint: Option<String>,
     /// Whether the same request may succeed later.
     pub retryable: bool,
+    /// Trace of the request: the log's lines about it have it too.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub trace_id: Option<String>,
 }
 
 impl Problem {
@@ -45,6 +48,7 @@ impl Problem {
             location: None,
             hint: None,
             retryable: matches!(status, 429 | 503 | 507),
+            trace_id: None,
         }
     }
 

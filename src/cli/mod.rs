@@ -1,4 +1,4 @@
-//! The command line: `serve`, `run`, `sample`.
+//! The command line: `serve`, `run`, `sample`, and what an operator needs: `token`, `check`, `backup`.
 
 pub mod serve;
 
@@ -7,6 +7,12 @@ pub mod run;
 pub mod sample;
 
 pub mod probe;
+
+pub mod token;
+
+pub mod check;
+
+pub mod backup;
 
 use std::process::ExitCode;
 
@@ -36,11 +42,18 @@ pub struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Start the service
-    Serve(serve::ServeArgs),
+    Serve(Box<serve::ServeArgs>),
     /// Process one mask, without the service
     Run(run::RunArgs),
     /// Write an analytic mask to try the program on
     Sample(sample::SampleArgs),
+    /// Make, list and revoke access tokens
+    #[command(subcommand)]
+    Token(token::TokenCommand),
+    /// Look whether settings, data directory, disk, database, files and audit log are in order
+    Check(Box<check::CheckArgs>),
+    /// Copy the data directory of a running service
+    Backup(backup::BackupArgs),
     /// Ask a running service whether it is ready
     #[command(hide = true)]
     Probe(probe::ProbeArgs),
@@ -56,6 +69,9 @@ pub fn main(arguments: Arguments) -> ExitCode {
         Command::Serve(arguments) => serve::serve(&arguments),
         Command::Run(arguments) => run::run(arguments),
         Command::Sample(arguments) => sample::sample(arguments),
+        Command::Token(command) => token::token(command),
+        Command::Check(arguments) => check::check(&arguments),
+        Command::Backup(arguments) => backup::backup(&arguments),
         Command::Probe(arguments) => Ok(probe::probe(&arguments)),
         Command::Openapi => Ok(openapi()),
     };

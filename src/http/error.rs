@@ -4,10 +4,11 @@ use std::any::Any;
 use std::io;
 
 use axum::body::Body;
-use axum::http::header::{CONTENT_TYPE, RETRY_AFTER};
+use axum::http::header::{CONTENT_TYPE, RETRY_AFTER, WWW_AUTHENTICATE};
 use axum::http::{HeaderValue, Method, Response, StatusCode, Uri};
 use axum::response::IntoResponse;
 
+use super::trace;
 use crate::formats::params_json::ParamsJsonError;
 use crate::jobs::job::JobState;
 use crate::jobs::queue::JobsError;
@@ -31,7 +32,8 @@ impl From<Problem> for ApiError {
 }
 
 impl IntoResponse for ApiError {
-    fn into_response(self) -> Response<Body> {
+    fn into_response(mut self) -> Response<Body> {
+        self.0.trace_id = trace::current();
         let status = StatusCode::from_u16(self.0.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
         let is_retryable = self.0.retryable;
         let mut response = (status, axum::Json(*self.0)).into_response();
@@ -39,6 +41,9 @@ impl IntoResponse for ApiError {
         headers.insert(CONTENT_TYPE, HeaderValue::from_static(PROBLEM_JSON));
         if is_retryable {
             headers.insert(RETRY_AFTER, RETRY_AFTER_S.into());
+        }
+        if status == StatusCode::UNAUTHORIZED {
+            headers.insert(WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
         }
         response
     }
@@ -49,21 +54,60 @@ impl From<JobsError> for ApiError {
         match error {
             JobsError::NotFound => no_such_job(),
             JobsError::NoSuchResult { state } => no_such_result(state),
+            JobsError::ResultsErased => {
+                Problem::new(410, "results_erased", "the results were kept long enough and erased")
+                    .hint("send the mask again; GET /v1/limits says how long results are kept")
+                    .into()
+            }
+            JobsError::ResultDamaged => Problem::new(500, "result_damaged", "the stored result is not what was made")
+                .hint("send the mask again with Cache-Control: no-cache")
+                .into(),
             JobsError::AlreadyEnded(state) => {
                 let detail = format!("the job has {}", state.name());
                 Problem::new(409, "job_ended", detail).hint("delete it to erase its mask and results").into()
             }
-            JobsError::Refused(problem) => Self(problem),
-            JobsError::Store(StoreError::QueueFull) => {
-                Problem::new(503, "queue_full", "as many jobs wait as this server lets wait")
-                    .hint("send it again after the time in Retry-After")
-                    .into()
+            JobsError::NotRetryable(state) => {
+                let detail = format!("only failed and canceled jobs can be run again; this one is {}", state.name());
+                Problem::new(409, "not_retryable", detail).into()
             }
-            JobsError::Store(StoreError::Database(error)) if is_full(&error) => storage_full(),
-            JobsError::Files(error) => files_failed(&error),
-            other @ (JobsError::Store(_) | JobsError::Task(_)) => internal(&other),
+            JobsError::MaskErased => Problem::new(409, "mask_erased", "the mask of this job is erased")
+                .hint("send it again as a new job")
+                .into(),
+            JobsError::Refused(problem) => Self(problem),
+            other => no_room(other),
         }
     }
+}
+
+/// What may be better later, and what is our fault.
+fn no_room(error: JobsError) -> ApiError {
+    match error {
+        JobsError::TooManyUploads => {
+            busy("too_many_uploads", "as many uploads are under way as this server takes at once")
+        }
+        JobsError::Store(StoreError::QueueFull) => busy("queue_full", "as many jobs wait as this server lets wait"),
+        JobsError::Store(StoreError::ShareFull) => {
+            Problem::new(429, "queue_share_full", "as many jobs of this tenant wait as it may have waiting")
+                .hint("send it again after the time in Retry-After")
+                .into()
+        }
+        JobsError::Store(StoreError::KeyReused) => {
+            Problem::new(422, "idempotency_key_reused", "this key was used for another request")
+                .at("header Idempotency-Key")
+                .hint("use a new key for every new request")
+                .into()
+        }
+        JobsError::StorageLow => Problem::new(507, "storage_low", "the server's disk is nearly full")
+            .hint("delete jobs, or try later")
+            .into(),
+        JobsError::Store(StoreError::Database(error)) if is_full(&error) => storage_full(),
+        JobsError::Files(error) => files_failed(&error),
+        other => internal(&other),
+    }
+}
+
+fn busy(code: &str, detail: &str) -> ApiError {
+    Problem::new(503, code, detail).hint("send it again after the time in Retry-After").into()
 }
 
 impl From<UploadError> for ApiError {

@@ -1,20 +1,25 @@
 //! `/v1/jobs`.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use axum::Json;
 use axum::extract::{Request, State};
-use axum::http::header::{LINK, LOCATION, RETRY_AFTER};
-use axum::http::{HeaderMap, HeaderValue, StatusCode};
-use axum::response::IntoResponse;
+use axum::http::header::{CONTENT_TYPE, ETAG, IF_NONE_MATCH, LINK, LOCATION, RETRY_AFTER};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode};
+use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
+use sha2::{Digest, Sha256};
 use utoipa::IntoParams;
 
+use super::auth::{Allowed, Read, Write};
 use super::error::{ApiError, PROBLEM_JSON};
 use super::extract::{JobPath, StrictQuery};
-use super::params_schema::{BytesSchema, FormSchema, ParamsQuery};
+use super::params_schema::{BytesSchema, FormSchema, SubmitQuery};
+use super::results::{header, matches};
 use super::submit;
 use super::view::{JobList, JobView};
+use crate::formats::hex;
 use crate::jobs::job::{JobId, JobState};
 use crate::jobs::queue::Jobs;
 use crate::jobs::store::ListQuery;
@@ -24,44 +29,90 @@ use crate::problem::Problem;
 const MAX_PAGE: u32 = 200;
 /// Jobs on a page when nothing is said.
 const PAGE: u32 = 20;
+/// Longest wait for the end of a job, seconds. Proxies cut off what is silent for a minute.
+pub const MAX_WAIT_S: u32 = 50;
+
+const PREFER: HeaderName = HeaderName::from_static("prefer");
+const PREFERENCE_APPLIED: HeaderName = HeaderName::from_static("preference-applied");
+const IDEMPOTENT_REPLAYED: HeaderName = HeaderName::from_static("idempotent-replayed");
 
 /// Send a mask.
 ///
 /// The mask is the body as it lies on disk (.nii or .nii.gz, told by its first bytes, never by a
 /// header), or the field `mask` of a form. The answer comes once the job is on disk: it survives
-/// the loss of power.
+/// the loss of power. A mask and parameters that were worked on before are answered with a job that
+/// has succeeded already (`reused`), unless `Cache-Control: no-cache` is sent.
 #[utoipa::path(
     post, path = "/v1/jobs", tag = "jobs",
-    params(ParamsQuery),
+    params(
+        SubmitQuery,
+        ("Idempotency-Key" = Option<String>, Header, description = "Names this request: sent again, it gives the same job. Kept as long as the job", min_length = 1, max_length = 255),
+        ("Prefer" = Option<String>, Header, description = "`wait=N`: answer once the job has ended, after N seconds (50) at the latest", example = "wait=10"),
+        ("Cache-Control" = Option<String>, Header, description = "`no-cache`: compute again what was computed before")
+    ),
     request_body(content(
         (inline(BytesSchema) = "application/octet-stream"),
         (inline(BytesSchema) = "application/gzip"),
         (FormSchema = "multipart/form-data")
     )),
     responses(
+        (status = 200, body = JobView, description = "The job, which has ended: it was waited for", headers(
+            ("Location" = String, description = "The job"),
+            ("Preference-Applied" = String, description = "`wait=N`")
+        )),
         (status = 202, body = JobView, description = "The job, on disk", headers(
             ("Location" = String, description = "The job"),
-            ("Retry-After" = u32, description = "Seconds until it is worth a look")
+            ("Retry-After" = u32, description = "Seconds until it is worth a look"),
+            ("Idempotent-Replayed" = String, description = "`true` when the key was known")
         )),
-        (status = 400, body = Problem, content_type = PROBLEM_JSON, description = "`empty_upload`, `upload_interrupted`, `invalid_multipart`, `invalid_query`, `malformed_params`, and what is malformed in the file's header"),
+        (status = 400, body = Problem, content_type = PROBLEM_JSON, description = "`empty_upload`, `upload_interrupted`, `invalid_multipart`, `invalid_query`, `invalid_idempotency_key`, `malformed_params`, and what is malformed in the file's header"),
+        (status = 401, body = Problem, content_type = PROBLEM_JSON, description = "`token_missing`, `token_invalid`"),
+        (status = 403, body = Problem, content_type = PROBLEM_JSON, description = "`scope_missing`, `foreign_host`, `foreign_origin`"),
         (status = 408, body = Problem, content_type = PROBLEM_JSON, description = "`upload_too_slow`"),
         (status = 413, body = Problem, content_type = PROBLEM_JSON, description = "`upload_too_large`, `too_many_voxels`"),
         (status = 415, body = Problem, content_type = PROBLEM_JSON, description = "`not_nifti`, `two_file_nifti`, `content_encoding`"),
-        (status = 422, body = Problem, content_type = PROBLEM_JSON, description = "`invalid_params`, and what in the file's header cannot be worked on"),
-        (status = 503, body = Problem, content_type = PROBLEM_JSON, description = "`queue_full`; Retry-After says when to try again"),
-        (status = 507, body = Problem, content_type = PROBLEM_JSON, description = "`storage_full`")
+        (status = 422, body = Problem, content_type = PROBLEM_JSON, description = "`invalid_params`, `invalid_labels`, `callback_not_allowed`, `idempotency_key_reused`, and what in the file's header cannot be worked on"),
+        (status = 429, body = Problem, content_type = PROBLEM_JSON, description = "`queue_share_full`, `too_many_requests`; Retry-After says when to try again"),
+        (status = 503, body = Problem, content_type = PROBLEM_JSON, description = "`queue_full`, `too_many_uploads`; Retry-After says when to try again"),
+        (status = 507, body = Problem, content_type = PROBLEM_JSON, description = "`storage_full`, `storage_low`")
     )
 )]
 pub async fn submit(
     State(jobs): State<Arc<Jobs>>,
-    StrictQuery(query): StrictQuery<ParamsQuery>,
+    allowed: Allowed<Write>,
+    StrictQuery(query): StrictQuery<SubmitQuery>,
     request: Request,
-) -> Result<impl IntoResponse, ApiError> {
-    let submission = submit::receive(&jobs, query.params.as_deref(), request).await?;
-    let job = JobView::from(jobs.submit(submission.mask, &submission.params).await?);
-    let location = HeaderValue::from_str(job.path()).map_err(|_| Problem::internal())?;
-    let headers = [(LOCATION, location), (RETRY_AFTER, HeaderValue::from_static("1"))];
-    Ok((StatusCode::ACCEPTED, headers, Json(job)))
+) -> Result<Response, ApiError> {
+    let wait = header(request.headers(), PREFER).and_then(preferred_wait);
+    let submission = submit::receive(&jobs, &allowed.caller, query, request).await?;
+    let accepted = jobs.submit(&allowed.caller, submission).await?;
+    let mut status = accepted.status;
+    if let Some(seconds) = wait {
+        let patience = Duration::from_secs(seconds.into());
+        status = jobs.status_at_end(&allowed.caller, status.job.id, patience).await?;
+    }
+    let is_answer = wait.is_some() && status.job.state.has_ended();
+    let code = if is_answer { StatusCode::OK } else { StatusCode::ACCEPTED };
+    let job = JobView::from(status);
+    let mut headers = HeaderMap::new();
+    headers.insert(LOCATION, HeaderValue::from_str(job.path()).map_err(|_| Problem::internal())?);
+    if !is_answer {
+        headers.insert(RETRY_AFTER, HeaderValue::from_static("1"));
+    }
+    if let Some(seconds) = wait {
+        let applied = HeaderValue::from_str(&format!("wait={seconds}")).map_err(|_| Problem::internal())?;
+        headers.insert(PREFERENCE_APPLIED, applied);
+    }
+    if accepted.is_replay {
+        headers.insert(IDEMPOTENT_REPLAYED, HeaderValue::from_static("true"));
+    }
+    Ok((code, headers, Json(job)).into_response())
+}
+
+/// Seconds of `wait=N` (RFC 7240), at most as many as this service waits.
+fn preferred_wait(prefer: &str) -> Option<u32> {
+    let preference = prefer.split([',', ';']).map(str::trim).find_map(|one| one.strip_prefix("wait="))?;
+    preference.trim_matches('"').parse::<u32>().ok().map(|seconds| seconds.min(MAX_WAIT_S))
 }
 
 /// Which jobs to list.
@@ -72,6 +123,9 @@ pub struct ListParams {
     /// Only those in this state.
     #[param(inline)]
     state: Option<JobState>,
+    /// Only those with this label, `name:value`.
+    #[param(example = "study:liver-07")]
+    label: Option<String>,
     /// Jobs per page, at most 200.
     #[param(minimum = 1, maximum = 200, default = 20)]
     limit: Option<u32>,
@@ -79,22 +133,32 @@ pub struct ListParams {
     cursor: Option<String>,
 }
 
-/// List jobs, newest first.
+/// List the caller's jobs, newest first.
 #[utoipa::path(
     get, path = "/v1/jobs", tag = "jobs",
     params(ListParams),
     responses(
         (status = 200, body = JobList, description = "A page of jobs", headers(("Link" = String, description = "`rel=\"next\"` when there are more"))),
-        (status = 400, body = Problem, content_type = PROBLEM_JSON, description = "`invalid_query`")
+        (status = 400, body = Problem, content_type = PROBLEM_JSON, description = "`invalid_query`"),
+        (status = 401, body = Problem, content_type = PROBLEM_JSON, description = "`token_missing`, `token_invalid`"),
+        (status = 403, body = Problem, content_type = PROBLEM_JSON, description = "`scope_missing`, `foreign_host`, `foreign_origin`"),
+        (status = 429, body = Problem, content_type = PROBLEM_JSON, description = "`too_many_requests`")
     )
 )]
 pub async fn list(
     State(jobs): State<Arc<Jobs>>,
+    allowed: Allowed<Read>,
     StrictQuery(params): StrictQuery<ListParams>,
 ) -> Result<impl IntoResponse, ApiError> {
     let limit = params.page_size()?;
-    let query = ListQuery { state: params.state, before: params.before()?, limit: limit + 1 };
-    let mut page = jobs.list(query).await?;
+    let query = ListQuery {
+        owner: allowed.caller.tenant.clone(),
+        state: params.state,
+        label: params.label()?,
+        before: params.before()?,
+        limit: limit + 1,
+    };
+    let mut page = jobs.list(&query).await?;
     let has_more = page.len() > limit as usize;
     page.truncate(limit as usize);
     let list = JobList::new(page, has_more);
@@ -111,6 +175,15 @@ impl ListParams {
         Err(Problem::new(400, "invalid_query", detail).at("query.limit").into())
     }
 
+    fn label(&self) -> Result<Option<(String, String)>, ApiError> {
+        let Some(label) = &self.label else { return Ok(None) };
+        let (name, value) = label.split_once(':').ok_or_else(|| {
+            let problem = Problem::new(400, "invalid_query", "the label has no colon").at("query.label");
+            problem.hint("name and value are separated by a colon: study:liver-07")
+        })?;
+        Ok(Some((name.to_owned(), value.to_owned())))
+    }
+
     fn before(&self) -> Result<Option<JobId>, ApiError> {
         let Some(cursor) = &self.cursor else { return Ok(None) };
         let problem = || Problem::new(400, "invalid_query", "the cursor is none that this server gave");
@@ -120,51 +193,150 @@ impl ListParams {
 
 fn next_link(list: &JobList, params: &ListParams) -> HeaderMap {
     let link = list.next_cursor().and_then(|cursor| {
-        let state = params.state.map(|state| format!("&state={}", state.name())).unwrap_or_default();
-        let limit = params.limit.unwrap_or(PAGE);
-        HeaderValue::from_str(&format!("</v1/jobs?cursor={cursor}&limit={limit}{state}>; rel=\"next\"")).ok()
+        let mut query = form_urlencoded::Serializer::new(String::new());
+        query.append_pair("cursor", cursor).append_pair("limit", &params.limit.unwrap_or(PAGE).to_string());
+        if let Some(state) = params.state {
+            query.append_pair("state", state.name());
+        }
+        if let Some(label) = &params.label {
+            query.append_pair("label", label);
+        }
+        HeaderValue::from_str(&format!("</v1/jobs?{}>; rel=\"next\"", query.finish())).ok()
     });
     link.into_iter().map(|link| (LINK, link)).collect()
+}
+
+/// How a status is asked for.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct StatusQuery {
+    /// Answer once the job has ended, after this many seconds at the latest.
+    #[param(minimum = 0, maximum = 50, default = 0)]
+    wait: Option<u32>,
 }
 
 /// One job: its state, progress, error, warnings and results.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}", tag = "jobs",
-    params(("id" = String, Path, description = "The job's id")),
+    params(
+        ("id" = String, Path, description = "The job's id", format = "uuid"),
+        StatusQuery,
+        ("If-None-Match" = Option<String>, Header, description = "An ETag that the client has")
+    ),
     responses(
-        (status = 200, body = JobView, description = "The job"),
-        (status = 404, body = Problem, content_type = PROBLEM_JSON, description = "`no_such_job`")
+        (status = 200, body = JobView, description = "The job", headers(("ETag" = String, description = "Changes with the answer"))),
+        (status = 304, description = "Nothing has changed since the ETag"),
+        (status = 400, body = Problem, content_type = PROBLEM_JSON, description = "`invalid_query`"),
+        (status = 401, body = Problem, content_type = PROBLEM_JSON, description = "`token_missing`, `token_invalid`"),
+        (status = 403, body = Problem, content_type = PROBLEM_JSON, description = "`scope_missing`, `foreign_host`, `foreign_origin`"),
+        (status = 404, body = Problem, content_type = PROBLEM_JSON, description = "`no_such_job`"),
+        (status = 429, body = Problem, content_type = PROBLEM_JSON, description = "`too_many_requests`")
     )
 )]
-pub async fn status(State(jobs): State<Arc<Jobs>>, JobPath(id): JobPath) -> Result<Json<JobView>, ApiError> {
-    Ok(Json(jobs.status(id).await?.into()))
+pub async fn status(
+    State(jobs): State<Arc<Jobs>>,
+    allowed: Allowed<Read>,
+    JobPath(id): JobPath,
+    StrictQuery(query): StrictQuery<StatusQuery>,
+    headers: HeaderMap,
+) -> Result<Response, ApiError> {
+    let seconds = query.wait.unwrap_or(0);
+    if seconds > MAX_WAIT_S {
+        let detail = format!("wait is {seconds}, allowed are 0 to {MAX_WAIT_S} seconds");
+        return Err(Problem::new(400, "invalid_query", detail).at("query.wait").into());
+    }
+    let status = jobs.status_at_end(&allowed.caller, id, Duration::from_secs(seconds.into())).await?;
+    let body = serde_json::to_vec(&JobView::from(status)).map_err(|_| Problem::internal())?;
+    let etag = format!("\"{}\"", hex(&Sha256::digest(&body)[..16]));
+    let tag = [(ETAG, HeaderValue::from_str(&etag).map_err(|_| Problem::internal())?)];
+    if header(&headers, IF_NONE_MATCH).is_some_and(|list| matches(list, &etag)) {
+        return Ok((StatusCode::NOT_MODIFIED, tag).into_response());
+    }
+    Ok((tag, [(CONTENT_TYPE, "application/json")], body).into_response())
 }
 
 /// Forget a job and erase its mask and results. One that runs is stopped first.
 #[utoipa::path(
     delete, path = "/v1/jobs/{id}", tag = "jobs",
-    params(("id" = String, Path, description = "The job's id")),
+    params(("id" = String, Path, description = "The job's id", format = "uuid")),
     responses(
         (status = 204, description = "Nothing of it is left"),
-        (status = 404, body = Problem, content_type = PROBLEM_JSON, description = "`no_such_job`")
+        (status = 401, body = Problem, content_type = PROBLEM_JSON, description = "`token_missing`, `token_invalid`"),
+        (status = 403, body = Problem, content_type = PROBLEM_JSON, description = "`scope_missing`, `foreign_host`, `foreign_origin`"),
+        (status = 404, body = Problem, content_type = PROBLEM_JSON, description = "`no_such_job`"),
+        (status = 429, body = Problem, content_type = PROBLEM_JSON, description = "`too_many_requests`")
     )
 )]
-pub async fn delete(State(jobs): State<Arc<Jobs>>, JobPath(id): JobPath) -> Result<StatusCode, ApiError> {
-    jobs.delete(id).await?;
+pub async fn delete(
+    State(jobs): State<Arc<Jobs>>,
+    allowed: Allowed<Write>,
+    JobPath(id): JobPath,
+) -> Result<StatusCode, ApiError> {
+    jobs.delete(&allowed.caller, id).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 
-/// Stop a job. One that waits ends at once, one that runs at its next slice of work.
+/// Stop a job. One that waits ends at once, one that runs within a second.
 #[utoipa::path(
     post, path = "/v1/jobs/{id}/cancel", tag = "jobs",
-    params(("id" = String, Path, description = "The job's id")),
+    params(("id" = String, Path, description = "The job's id", format = "uuid")),
     responses(
         (status = 202, body = JobView, description = "The job, canceled or about to be"),
+        (status = 401, body = Problem, content_type = PROBLEM_JSON, description = "`token_missing`, `token_invalid`"),
+        (status = 403, body = Problem, content_type = PROBLEM_JSON, description = "`scope_missing`, `foreign_host`, `foreign_origin`"),
         (status = 404, body = Problem, content_type = PROBLEM_JSON, description = "`no_such_job`"),
-        (status = 409, body = Problem, content_type = PROBLEM_JSON, description = "`job_ended`")
+        (status = 409, body = Problem, content_type = PROBLEM_JSON, description = "`job_ended`"),
+        (status = 429, body = Problem, content_type = PROBLEM_JSON, description = "`too_many_requests`")
     )
 )]
-pub async fn cancel(State(jobs): State<Arc<Jobs>>, JobPath(id): JobPath) -> Result<impl IntoResponse, ApiError> {
-    let status = jobs.cancel(id).await?;
+pub async fn cancel(
+    State(jobs): State<Arc<Jobs>>,
+    allowed: Allowed<Write>,
+    JobPath(id): JobPath,
+) -> Result<impl IntoResponse, ApiError> {
+    let status = jobs.cancel(&allowed.caller, id).await?;
     Ok((StatusCode::ACCEPTED, Json(JobView::from(status))))
+}
+
+/// Run a failed or canceled job again.
+#[utoipa::path(
+    post, path = "/v1/jobs/{id}/retry", tag = "jobs",
+    params(("id" = String, Path, description = "The job's id", format = "uuid")),
+    responses(
+        (status = 202, body = JobView, description = "The job, waiting again"),
+        (status = 401, body = Problem, content_type = PROBLEM_JSON, description = "`token_missing`, `token_invalid`"),
+        (status = 403, body = Problem, content_type = PROBLEM_JSON, description = "`scope_missing`, `foreign_host`, `foreign_origin`"),
+        (status = 404, body = Problem, content_type = PROBLEM_JSON, description = "`no_such_job`"),
+        (status = 409, body = Problem, content_type = PROBLEM_JSON, description = "`not_retryable`, `mask_erased`"),
+        (status = 429, body = Problem, content_type = PROBLEM_JSON, description = "`queue_share_full`, `too_many_requests`"),
+        (status = 503, body = Problem, content_type = PROBLEM_JSON, description = "`queue_full`")
+    )
+)]
+pub async fn retry(
+    State(jobs): State<Arc<Jobs>>,
+    allowed: Allowed<Write>,
+    JobPath(id): JobPath,
+) -> Result<impl IntoResponse, ApiError> {
+    let status = jobs.retry(&allowed.caller, id).await?;
+    Ok((StatusCode::ACCEPTED, Json(JobView::from(status))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_preference_to_wait_is_found_and_bounded() {
+        for (prefer, seconds) in [
+            ("wait=10", Some(10)),
+            ("respond-async, wait=5", Some(5)),
+            ("wait=\"7\"", Some(7)),
+            ("wait=9999", Some(MAX_WAIT_S)),
+            ("respond-async", None),
+            ("wait=soon", None),
+        ] {
+            assert_eq!(preferred_wait(prefer), seconds, "{prefer}");
+        }
+    }
 }

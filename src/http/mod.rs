@@ -2,30 +2,44 @@
 //! call knows no HTTP.
 
 use std::sync::Arc;
+use std::time::Duration;
 
-use axum::Router;
-use axum::http::HeaderValue;
 use axum::http::header::{
-    CACHE_CONTROL, CONTENT_SECURITY_POLICY, REFERRER_POLICY, X_CONTENT_TYPE_OPTIONS, X_FRAME_OPTIONS,
+    ACCEPT, AUTHORIZATION, CACHE_CONTROL, CONTENT_DISPOSITION, CONTENT_RANGE, CONTENT_SECURITY_POLICY, CONTENT_TYPE,
+    ETAG, IF_NONE_MATCH, LINK, LOCATION, RANGE, REFERRER_POLICY, RETRY_AFTER, X_CONTENT_TYPE_OPTIONS, X_FRAME_OPTIONS,
 };
-use axum::middleware::from_fn;
+use axum::http::{HeaderName, HeaderValue, Method};
+use axum::middleware::from_fn_with_state;
+use axum::routing::get;
+use axum::{Extension, Router};
 use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::cors::CorsLayer;
 use tower_http::set_header::SetResponseHeaderLayer;
-use utoipa::OpenApi;
+use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityScheme};
+use utoipa::{Modify, OpenApi};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+use self::auth::Access;
 use crate::jobs::queue::Jobs;
 
 pub mod server;
 
+pub mod auth;
+
 mod ops;
+
+mod limits;
+
+mod docs;
 
 mod jobs;
 
 mod submit;
 
 mod results;
+
+mod events;
 
 mod view;
 
@@ -35,7 +49,10 @@ mod extract;
 
 mod error;
 
-mod log;
+mod trace;
+
+/// How long a browser may remember what another origin is allowed.
+const CORS_MAX_AGE: Duration = Duration::from_secs(600);
 
 #[derive(OpenApi)]
 #[openapi(
@@ -49,25 +66,67 @@ mod log;
         (name = "jobs", description = "Send a mask, watch its job, take its results."),
         (name = "operation", description = "Whether the service works, and what it can do.")
     ),
-    components(schemas(params_schema::ParamsSchema))
+    components(schemas(params_schema::ParamsSchema, events::StateEvent)),
+    modifiers(&Token),
+    security((), ("token" = []))
 )]
 struct Document;
 
+/// The token, asked for once the operator has made one.
+struct Token;
+
+impl Modify for Token {
+    fn modify(&self, document: &mut utoipa::openapi::OpenApi) {
+        let about = "Made with `medialrep token create`. Scopes are read, write and metrics. Not asked for as long as \
+                     the service has no tokens.";
+        let scheme = HttpBuilder::new().scheme(HttpAuthScheme::Bearer).description(Some(about)).build();
+        let components = document.components.get_or_insert_default();
+        components.security_schemes.insert("token".to_owned(), SecurityScheme::Http(scheme).into());
+    }
+}
+
 /// The service's routes.
-pub fn router(jobs: Arc<Jobs>) -> Router {
+pub fn router(jobs: Arc<Jobs>, access: Access) -> Router {
     let (routes, _) = routes().split_for_parts();
     let header = SetResponseHeaderLayer::if_not_present;
+    let (cors, own_origin) = (cors(&access.cors_origins), HeaderName::from_static("cross-origin-resource-policy"));
     routes
         .fallback(error::no_such_route)
         .method_not_allowed_fallback(error::wrong_method)
-        .with_state(jobs)
+        .with_state(Arc::clone(&jobs))
+        .layer(Extension(Arc::new(access)))
+        .layer(cors)
         .layer(CatchPanicLayer::custom(error::handler_panicked))
         .layer(header(CACHE_CONTROL, HeaderValue::from_static("no-store")))
         .layer(header(X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff")))
         .layer(header(X_FRAME_OPTIONS, HeaderValue::from_static("DENY")))
         .layer(header(REFERRER_POLICY, HeaderValue::from_static("no-referrer")))
+        .layer(header(own_origin, HeaderValue::from_static("same-origin")))
         .layer(header(CONTENT_SECURITY_POLICY, HeaderValue::from_static("default-src 'none'; frame-ancestors 'none'")))
-        .layer(from_fn(log::requests))
+        .layer(from_fn_with_state(jobs, trace::requests))
+}
+
+/// What pages of the listed origins may do; without any, browsers let no page read an answer.
+fn cors(origins: &[String]) -> CorsLayer {
+    let origins: Vec<HeaderValue> = origins.iter().filter_map(|origin| origin.parse().ok()).collect();
+    let sent = ["idempotency-key", "prefer", "last-event-id", "traceparent"].map(HeaderName::from_static);
+    let seen = ["preference-applied", "idempotent-replayed"].map(HeaderName::from_static);
+    CorsLayer::new()
+        .allow_origin(origins)
+        .allow_methods([Method::GET, Method::POST, Method::DELETE])
+        .allow_headers(
+            [ACCEPT, AUTHORIZATION, CACHE_CONTROL, CONTENT_TYPE, IF_NONE_MATCH, RANGE]
+                .into_iter()
+                .chain(sent)
+                .collect::<Vec<_>>(),
+        )
+        .expose_headers(
+            [CONTENT_DISPOSITION, CONTENT_RANGE, ETAG, LINK, LOCATION, RETRY_AFTER]
+                .into_iter()
+                .chain(seen)
+                .collect::<Vec<_>>(),
+        )
+        .max_age(CORS_MAX_AGE)
 }
 
 /// The description of the routes, OpenAPI 3.1 in YAML.
@@ -84,10 +143,17 @@ fn routes() -> OpenApiRouter<Arc<Jobs>> {
     OpenApiRouter::with_openapi(Document::openapi())
         .routes(routes!(jobs::submit, jobs::list))
         .routes(routes!(jobs::status, jobs::delete))
+        .routes(routes!(events::events))
         .routes(routes!(jobs::cancel))
+        .routes(routes!(jobs::retry))
+        .routes(routes!(results::pick))
         .routes(routes!(results::result))
+        .routes(routes!(limits::limits))
         .routes(routes!(ops::index))
         .routes(routes!(ops::livez))
         .routes(routes!(ops::readyz))
+        .routes(routes!(ops::metrics))
         .routes(routes!(ops::openapi))
+        .routes(routes!(docs::page))
+        .route("/docs/{file}", get(docs::file))
 }

@@ -8,6 +8,7 @@ use axum::http::header::CONTENT_TYPE;
 use axum::response::IntoResponse;
 use serde::Serialize;
 
+use super::auth::{Allowed, Watch};
 use super::error::{ApiError, PROBLEM_JSON};
 use crate::jobs::queue::Jobs;
 use crate::problem::Problem;
@@ -16,13 +17,17 @@ const INDEX: &str = "\
 medialrep: a label mask (NIfTI) in, its medial sheet, surfaces and thickness vectors out.
 
   POST   /v1/jobs                      the mask as the body, or a form with mask and params
-  GET    /v1/jobs                      all jobs, newest first
-  GET    /v1/jobs/{id}                 one job: state, progress, results
+  GET    /v1/jobs                      your jobs, newest first
+  GET    /v1/jobs/{id}                 one job: state, progress, results; ?wait=20 waits for its end
+  GET    /v1/jobs/{id}/events          what happens to it, as server-sent events
+  GET    /v1/jobs/{id}/result          the result in the media type of Accept
   GET    /v1/jobs/{id}/results/{name}  model.glb, thickness.json, thickness.csv, points.csv
   POST   /v1/jobs/{id}/cancel          stop it
+  POST   /v1/jobs/{id}/retry           run it again
   DELETE /v1/jobs/{id}                 erase it, mask and results
-  GET    /livez, /readyz               whether the service runs, and whether it works
-  GET    /openapi.yaml                 all of this in full
+  GET    /v1/limits                    what is taken in, and how long it is kept
+  GET    /livez, /readyz, /metrics     whether the service runs, whether it works, how well
+  GET    /openapi.yaml, /docs          all of this in full, and to be tried out
 
   curl --data-binary @mask.nii.gz http://HOST/v1/jobs
 ";
@@ -34,6 +39,15 @@ pub struct Health {
     status: &'static str,
     /// Version of the program.
     version: &'static str,
+    /// What an operator should see to although the service works.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    warnings: Vec<&'static str>,
+}
+
+impl Health {
+    fn new(status: &'static str) -> Self {
+        Self { status, version: env!("CARGO_PKG_VERSION"), warnings: Vec::new() }
+    }
 }
 
 /// What is where.
@@ -45,11 +59,11 @@ pub async fn index() -> &'static str {
 /// Whether the process runs.
 #[utoipa::path(get, path = "/livez", tag = "operation", responses((status = 200, body = Health, description = "It runs")))]
 pub async fn livez() -> Json<Health> {
-    Json(Health { status: "alive", version: env!("CARGO_PKG_VERSION") })
+    Json(Health::new("alive"))
 }
 
-/// Whether the service can do its work: the database and the data directory take a write, and
-/// workers are alive.
+/// Whether the service can do its work: the database and the data directory take a write, workers
+/// are alive, and it is not about to stop.
 #[utoipa::path(
     get, path = "/readyz", tag = "operation",
     responses(
@@ -60,10 +74,29 @@ pub async fn livez() -> Json<Health> {
 pub async fn readyz(State(jobs): State<Arc<Jobs>>) -> Result<Json<Health>, ApiError> {
     let broken = jobs.what_is_broken().await;
     if broken.is_empty() {
-        return Ok(Json(Health { status: "ready", version: env!("CARGO_PKG_VERSION") }));
+        let mut health = Health::new("ready");
+        if jobs.is_disk_low() {
+            health.warnings.push("the disk is nearly full: masks are refused, all else works");
+        }
+        return Ok(Json(health));
     }
     tracing::warn!(?broken, "not ready");
     Err(Problem::new(503, "not_ready", broken.join(", ")).into())
+}
+
+/// What operators alarm on, in the text format of OpenMetrics.
+#[utoipa::path(
+    get, path = "/metrics", tag = "operation",
+    responses(
+        (status = 200, body = String, content_type = "application/openmetrics-text", description = "The metrics of this process"),
+        (status = 401, body = Problem, content_type = PROBLEM_JSON, description = "`token_missing`, `token_invalid`"),
+        (status = 403, body = Problem, content_type = PROBLEM_JSON, description = "`scope_missing`, `foreign_host`, `foreign_origin`"),
+        (status = 429, body = Problem, content_type = PROBLEM_JSON, description = "`too_many_requests`")
+    )
+)]
+pub async fn metrics(State(jobs): State<Arc<Jobs>>, _allowed: Allowed<Watch>) -> Result<impl IntoResponse, ApiError> {
+    let text = jobs.metrics().render(&jobs.now().await?).map_err(|_| Problem::internal())?;
+    Ok(([(CONTENT_TYPE, "application/openmetrics-text; version=1.0.0; charset=utf-8")], text))
 }
 
 /// This description.

@@ -17,10 +17,16 @@ use crate::pipeline::params::{
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
-pub struct ParamsQuery {
+pub struct SubmitQuery {
     /// Parameters (schema Params) as a JSON object, percent-encoded.
     #[param(example = "{\"grid\":\"auto\"}")]
     pub params: Option<String>,
+    /// Labels as a JSON object of strings, percent-encoded: at most 16, to find jobs by. No patient data.
+    #[param(example = "{\"study\":\"liver-07\"}")]
+    pub labels: Option<String>,
+    /// Where to send a webhook once the job has ended; one that the operator has listed.
+    #[param(format = "uri", max_length = 2048)]
+    pub callback_url: Option<String>,
 }
 
 /// The schema of a submission as a form.
@@ -47,7 +53,15 @@ impl PartialSchema for FormSchema {
                     "type": "string", "format": "binary",
                     "description": "The mask: NIfTI-1 or NIfTI-2, plain or gzip."
                 },
-                "params": {"$ref": "#/components/schemas/Params"}
+                "params": {"$ref": "#/components/schemas/Params"},
+                "labels": {
+                    "type": "object", "additionalProperties": {"type": "string", "maxLength": 256}, "maxProperties": 16,
+                    "description": "To find jobs by. No patient data."
+                },
+                "callback_url": {
+                    "type": "string", "format": "uri", "maxLength": 2048,
+                    "description": "Where to send a webhook once the job has ended; one that the operator has listed."
+                }
             }
         }))
     }

@@ -1,30 +1,32 @@
 //! `/v1/jobs/{id}/results/{name}`: the files that a job left. A result never changes, so its
 //! hash is its ETag and caches may keep it for ever.
 
-use std::io::SeekFrom;
 use std::sync::Arc;
 
 use axum::body::Body;
 use axum::extract::State;
 use axum::http::header::{
-    ACCEPT_RANGES, CACHE_CONTROL, CONTENT_DISPOSITION, CONTENT_LENGTH, CONTENT_RANGE, CONTENT_TYPE, ETAG,
-    IF_NONE_MATCH, IF_RANGE, RANGE,
+    ACCEPT, ACCEPT_RANGES, CACHE_CONTROL, CONTENT_DISPOSITION, CONTENT_LENGTH, CONTENT_RANGE, CONTENT_TYPE, ETAG,
+    IF_NONE_MATCH, IF_RANGE, LOCATION, RANGE, VARY,
 };
-use axum::http::{HeaderMap, HeaderName, Response, StatusCode};
-use tokio::io::{AsyncReadExt, AsyncSeekExt};
-use tokio_util::io::ReaderStream;
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Response, StatusCode};
+use axum::response::IntoResponse;
 
+use super::auth::{Allowed, Read};
 use super::error::{ApiError, PROBLEM_JSON};
-use super::extract::ResultPath;
+use super::extract::{JobPath, ResultPath};
 use super::params_schema::BytesSchema;
-use crate::jobs::queue::{Jobs, JobsError, PublishedFile};
+use crate::audit::Action;
+use crate::jobs::blobs::Content;
+use crate::jobs::process::ARTIFACTS;
+use crate::jobs::queue::{Jobs, JobsError, Published};
 use crate::problem::Problem;
 
 /// A file that the job left.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}/results/{name}", tag = "jobs",
     params(
-        ("id" = String, Path, description = "The job's id"),
+        ("id" = String, Path, description = "The job's id", format = "uuid"),
         ("name" = String, Path, description = "model.glb, thickness.json, thickness.csv or points.csv"),
         ("If-None-Match" = Option<String>, Header, description = "An ETag that the client has"),
         ("Range" = Option<String>, Header, description = "One range of bytes")
@@ -35,20 +37,94 @@ use crate::problem::Problem;
         ), headers(("ETag" = String, description = "The content's SHA-256"))),
         (status = 206, description = "The range asked for"),
         (status = 304, description = "The client has it"),
+        (status = 401, body = Problem, content_type = PROBLEM_JSON, description = "`token_missing`, `token_invalid`"),
+        (status = 403, body = Problem, content_type = PROBLEM_JSON, description = "`scope_missing`, `foreign_host`, `foreign_origin`"),
         (status = 404, body = Problem, content_type = PROBLEM_JSON, description = "`no_such_job`, `no_such_result`"),
+        (status = 410, body = Problem, content_type = PROBLEM_JSON, description = "`results_erased`"),
+        (status = 429, body = Problem, content_type = PROBLEM_JSON, description = "`too_many_requests`"),
+        (status = 500, body = Problem, content_type = PROBLEM_JSON, description = "`result_damaged`, `internal`"),
         (status = 416, body = Problem, content_type = PROBLEM_JSON, description = "`range_not_satisfiable`")
     )
 )]
 pub async fn result(
     State(jobs): State<Arc<Jobs>>,
+    allowed: Allowed<Read>,
     ResultPath(id, name): ResultPath,
     headers: HeaderMap,
 ) -> Result<Response<Body>, ApiError> {
-    serve(&jobs.result(id, &name).await?, &headers).await
+    let published = jobs.result(&allowed.caller, id, &name).await?;
+    let answer = serve(&jobs, &published, &headers).await?;
+    jobs.record(&allowed.caller, Action::ReadResult, Some(id), published.code());
+    Ok(answer)
 }
 
-async fn serve(published: &PublishedFile, headers: &HeaderMap) -> Result<Response<Body>, ApiError> {
-    let PublishedFile { file, path } = published;
+/// The result in the media type asked for: 303 to `model.glb` (`model/gltf-binary`), `thickness.json`
+/// (`application/json`, and when anything will do) or `thickness.csv` (`text/csv`).
+#[utoipa::path(
+    get, path = "/v1/jobs/{id}/result", tag = "jobs",
+    params(
+        ("id" = String, Path, description = "The job's id", format = "uuid"),
+        ("Accept" = Option<String>, Header, description = "Media types wanted")
+    ),
+    responses(
+        (status = 303, description = "Where it is", headers(("Location" = String, description = "The file"))),
+        (status = 401, body = Problem, content_type = PROBLEM_JSON, description = "`token_missing`, `token_invalid`"),
+        (status = 403, body = Problem, content_type = PROBLEM_JSON, description = "`scope_missing`, `foreign_host`, `foreign_origin`"),
+        (status = 404, body = Problem, content_type = PROBLEM_JSON, description = "`no_such_job`, `no_such_result`"),
+        (status = 406, body = Problem, content_type = PROBLEM_JSON, description = "`not_acceptable`"),
+        (status = 410, body = Problem, content_type = PROBLEM_JSON, description = "`results_erased`"),
+        (status = 429, body = Problem, content_type = PROBLEM_JSON, description = "`too_many_requests`")
+    )
+)]
+pub async fn pick(
+    State(jobs): State<Arc<Jobs>>,
+    allowed: Allowed<Read>,
+    JobPath(id): JobPath,
+    headers: HeaderMap,
+) -> Result<impl IntoResponse, ApiError> {
+    let accept = header(&headers, ACCEPT).unwrap_or("*/*");
+    let name = preferred(accept).ok_or_else(not_acceptable)?;
+    jobs.result(&allowed.caller, id, name).await?;
+    let location = HeaderValue::from_str(&format!("/v1/jobs/{id}/results/{name}")).map_err(|_| Problem::internal())?;
+    Ok((StatusCode::SEE_OTHER, [(LOCATION, location), (VARY, HeaderValue::from_static("Accept"))]))
+}
+
+fn not_acceptable() -> ApiError {
+    let problem = Problem::new(406, "not_acceptable", "there is no result of a media type that is accepted");
+    problem.at("header Accept").hint("accept model/gltf-binary, application/json or text/csv").into()
+}
+
+/// The artifact of the media type that is wanted most; of equals the more telling one.
+fn preferred(accept: &str) -> Option<&'static str> {
+    let wanted: Vec<(&str, f32)> = accept.split(',').map(media_range).collect();
+    let weight = |media_type: &str| {
+        let group = media_type.split('/').next().unwrap_or_default();
+        let fits = |range: &str| range == media_type || range == "*/*" || range.strip_suffix("/*") == Some(group);
+        // The narrowest range that fits says how much it is wanted (RFC 9110, section 12.5.1).
+        let narrowness = |range: &str| range.matches('*').count();
+        wanted.iter().filter(|(range, _)| fits(range)).min_by_key(|(range, _)| narrowness(range)).map_or(0.0, |w| w.1)
+    };
+    let mut best = None;
+    for name in ["thickness.json", "model.glb", "thickness.csv"] {
+        let media_type = ARTIFACTS.iter().find(|(artifact, _)| *artifact == name)?.1;
+        let weight = weight(media_type);
+        if weight > best.map_or(0.0, |(_, most)| most) {
+            best = Some((name, weight));
+        }
+    }
+    best.map(|(name, _)| name)
+}
+
+/// `type/subtype;q=0.5`.
+fn media_range(text: &str) -> (&str, f32) {
+    let mut parts = text.split(';').map(str::trim);
+    let range = parts.next().unwrap_or_default();
+    let weight = parts.find_map(|part| part.strip_prefix("q=")).and_then(|q| q.parse().ok()).unwrap_or(1.0);
+    (range, weight)
+}
+
+async fn serve(jobs: &Jobs, published: &Published, headers: &HeaderMap) -> Result<Response<Body>, ApiError> {
+    let Published { id, token, file } = published;
     let etag = format!("\"{}\"", file.sha256);
     let answer = Response::builder()
         .header(ETAG, &etag)
@@ -60,33 +136,45 @@ async fn serve(published: &PublishedFile, headers: &HeaderMap) -> Result<Respons
     let range = match asked_range(headers, &etag, file.bytes) {
         Asked::Unsatisfiable => return Err(unsatisfiable(file.bytes)),
         Asked::Whole => None,
-        Asked::Part(first, last) => Some((first, last)),
+        Asked::Part(first, last) => Some((first, last + 1)),
     };
-    let (first, last) = range.unwrap_or((0, file.bytes.saturating_sub(1)));
-    let length = if file.bytes == 0 { 0 } else { last - first + 1 };
-    let mut content = tokio::fs::File::open(path).await.map_err(JobsError::Files)?;
-    content.seek(SeekFrom::Start(first)).await.map_err(JobsError::Files)?;
+    let content = jobs.blobs().read_checked(*id, token, file).await.map_err(JobsError::Files)?;
+    let content = content.ok_or_else(|| {
+        jobs.metrics().damaged();
+        tracing::error!(job = %id, name = file.name, "a result is not what was published");
+        JobsError::ResultDamaged
+    })?;
+    let (first, end) = range.unwrap_or((0, file.bytes));
+    let body = match content {
+        Content::Bytes(bytes) => {
+            let at = |place: u64| usize::try_from(place).unwrap_or(usize::MAX).min(bytes.len());
+            Body::from(bytes.slice(at(first)..at(end)))
+        }
+        Content::Stored => {
+            let stream = jobs.blobs().read_range((*id, token, &file.name), (first, end)).await;
+            Body::from_stream(stream.map_err(JobsError::Files)?)
+        }
+    };
     let mut answer = answer
         .header(CONTENT_TYPE, &file.media_type)
-        .header(CONTENT_LENGTH, length)
+        .header(CONTENT_LENGTH, end - first)
         .header(CONTENT_DISPOSITION, format!("attachment; filename=\"{}\"", file.name));
     if range.is_some() {
-        answer = answer
-            .status(StatusCode::PARTIAL_CONTENT)
-            .header(CONTENT_RANGE, format!("bytes {first}-{last}/{}", file.bytes));
+        let range = format!("bytes {first}-{}/{}", end - 1, file.bytes);
+        answer = answer.status(StatusCode::PARTIAL_CONTENT).header(CONTENT_RANGE, range);
     }
-    finish(answer, Body::from_stream(ReaderStream::with_capacity(content.take(length), 64 << 10)))
+    finish(answer, body)
 }
 
 fn finish(answer: axum::http::response::Builder, body: Body) -> Result<Response<Body>, ApiError> {
     answer.body(body).map_err(|_| Problem::internal().into())
 }
 
-fn header(headers: &HeaderMap, name: HeaderName) -> Option<&str> {
+pub fn header(headers: &HeaderMap, name: HeaderName) -> Option<&str> {
     headers.get(name)?.to_str().ok()
 }
 
-fn matches(list: &str, etag: &str) -> bool {
+pub fn matches(list: &str, etag: &str) -> bool {
     list.split(',').map(|tag| tag.trim().trim_start_matches("W/")).any(|tag| tag == "*" || tag == etag)
 }
 
@@ -146,6 +234,22 @@ mod tests {
             ("bytes=a-b", Asked::Whole),
         ] {
             assert_eq!(asked(range), expected, "{range}");
+        }
+    }
+
+    #[test]
+    fn the_media_type_wanted_most_is_picked() {
+        for (accept, name) in [
+            ("*/*", Some("thickness.json")),
+            ("application/json", Some("thickness.json")),
+            ("model/gltf-binary, application/json;q=0.9", Some("model.glb")),
+            ("model/*;q=0.2, */*;q=0.1", Some("model.glb")),
+            ("text/csv;q=0.5, application/json;q=0.4", Some("thickness.csv")),
+            ("application/*;q=0, */*", Some("model.glb")),
+            ("image/png", None),
+            ("*/*;q=0", None),
+        ] {
+            assert_eq!(preferred(accept), name, "{accept}");
         }
     }
 

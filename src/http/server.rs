@@ -14,28 +14,43 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{sleep, timeout};
 
+use super::auth::Access;
 use super::router;
 use crate::config::{ConnectionLimits, ServeConfig};
 use crate::jobs::queue::{Jobs, OpenError};
 use crate::jobs::worker::{Processor, Workers};
+use crate::webhook::{Sender, SenderError};
 
 /// Pause after a connection could not be accepted (out of file descriptors, say).
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
+
+/// Why the service does not run.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// The data directory cannot be opened.
+    #[error(transparent)]
+    Open(#[from] OpenError),
+    /// Webhooks cannot be sent as configured.
+    #[error(transparent)]
+    Webhooks(#[from] SenderError),
+}
 
 /// Runs the service on `listener` until `shutdown` is ready, and returns once everything is at
 /// rest: no connection, no job running.
 ///
 /// # Errors
-/// When the data directory cannot be opened.
+/// When the data directory cannot be opened, or webhooks cannot be sent as configured.
 pub async fn run(
     listener: TcpListener,
     config: &ServeConfig,
     processor: &Processor,
     shutdown: impl Future<Output = ()>,
-) -> Result<(), OpenError> {
-    let jobs = Arc::new(Jobs::open(&config.data_dir, config.jobs).await?);
+) -> Result<(), RunError> {
+    let webhooks = config.webhooks.clone().map(Sender::new).transpose()?;
+    let jobs = Arc::new(Jobs::open(&config.data_dir, config.jobs, webhooks).await?);
     let workers = Workers::start(&jobs, processor, config.workers);
-    let router = router(jobs);
+    let is_local = listener.local_addr().is_ok_and(|address| address.ip().is_loopback());
+    let router = router(jobs, Access { cors_origins: config.cors_origins.clone(), is_local });
     let connections = accept(listener, router, config.connections, shutdown).await;
     tracing::info!(drain_seconds = config.drain.as_secs(), "stopping");
     let _ = tokio::join!(workers.drain(config.drain), timeout(config.drain, connections.shutdown()));

@@ -1,5 +1,6 @@
-//! Takes a mask and its parameters out of a request: a raw body or a form.
+//! Takes a mask and what to do with it out of a request: a raw body or a form.
 
+use std::collections::BTreeMap;
 use std::future::Future;
 use std::io;
 use std::sync::Arc;
@@ -8,15 +9,18 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use axum::body::{Body, Bytes};
 use axum::extract::multipart::{Field, Multipart, MultipartError};
 use axum::extract::{DefaultBodyLimit, FromRequest, Request};
-use axum::http::header::{CONTENT_ENCODING, CONTENT_LENGTH, CONTENT_TYPE};
+use axum::http::header::{CACHE_CONTROL, CONTENT_ENCODING, CONTENT_LENGTH, CONTENT_TYPE};
 use axum::http::{HeaderMap, HeaderName};
 use futures_util::StreamExt;
 use tokio::time::timeout;
 
 use super::error::{ApiError, too_large};
-use crate::formats::params_json::MAX_BYTES as MAX_PARAMS_BYTES;
+use super::params_schema::SubmitQuery;
+use crate::formats::params_json::MAX_BYTES as MAX_TEXT_BYTES;
+use crate::jobs::caller::Caller;
 use crate::jobs::job::RequestedParams;
 use crate::jobs::queue::Jobs;
+use crate::jobs::submission::Submission;
 use crate::jobs::upload::{self, Received, UploadError};
 use crate::problem::Problem;
 
@@ -25,73 +29,160 @@ const FORM_OVERHEAD_BYTES: u64 = 1 << 20;
 /// Bytes of a form that may wait to be understood. The parser keeps in memory what it reads ahead
 /// and what it finds no end of: a part's headers, a gap between parts.
 const FORM_BACKLOG_BYTES: u64 = 16 << 20;
+/// Longest idempotency key.
+const MAX_KEY_BYTES: usize = 255;
+/// Labels of one job.
+const MAX_LABELS: usize = 16;
+/// Longest name and longest value of a label, characters.
+const MAX_LABEL_NAME: usize = 64;
+const MAX_LABEL_VALUE: usize = 256;
 
-/// A mask on disk and what to do with it.
-pub struct Submission {
-    /// The mask.
-    pub mask: Received,
-    /// What to do with it.
-    pub params: RequestedParams,
-}
+const IDEMPOTENCY_KEY: HeaderName = HeaderName::from_static("idempotency-key");
 
 /// Reads the request. Everything that can be refused before the body is read is.
 ///
 /// # Errors
-/// When the request is malformed or too large, the parameters are refused, or the queue is full.
-pub async fn receive(jobs: &Jobs, query_params: Option<&str>, request: Request) -> Result<Submission, ApiError> {
+/// When the request is malformed or too large, what it asks for is refused, or there is no room.
+pub async fn receive(
+    jobs: &Jobs,
+    caller: &Caller,
+    query: SubmitQuery,
+    request: Request,
+) -> Result<Submission, ApiError> {
     let headers = request.headers();
     refuse_encoded(headers)?;
     let is_form = header(headers, CONTENT_TYPE).is_some_and(|kind| kind.starts_with("multipart/form-data"));
-    refuse_large(headers, jobs.limits().upload.max_bytes, is_form)?;
-    let params = query_params.map(|json| RequestedParams::parse(Some(json.as_bytes()))).transpose()?;
-    jobs.check_room().await?;
-    if is_form {
+    let length = refuse_large(headers, jobs.limits().upload.max_bytes, is_form)?;
+    let idempotency_key = idempotency_key(headers)?;
+    let may_reuse = !header(headers, CACHE_CONTROL).is_some_and(|value| value.contains("no-cache"));
+    let mut asked = Asked::default();
+    for (name, text) in [("params", query.params), ("labels", query.labels), ("callback_url", query.callback_url)] {
+        if let Some(text) = text {
+            asked.set(jobs, name, text.as_bytes())?;
+        }
+    }
+    let _place = jobs.admit(caller, length, idempotency_key.as_deref()).await?;
+    let upload = if is_form {
         let understood = Arc::new(AtomicU64::new(0));
         let form = Multipart::from_request(bounded(request, Arc::clone(&understood)), &()).await;
         let form = form.map_err(|rejection| invalid_form(rejection.body_text()))?;
-        return receive_form(jobs, params, form, &understood).await;
+        receive_form(jobs, &mut asked, form, &understood).await?
+    } else {
+        let body = request.into_body().into_data_stream();
+        upload::receive(jobs.blobs(), jobs.limits().upload, body).await?
+    };
+    let params = asked.params.map_or_else(|| RequestedParams::parse(None), Ok)?;
+    let (labels, callback_url) = (asked.labels.unwrap_or_default(), asked.callback_url);
+    Ok(Submission { upload, params, labels, callback_url, idempotency_key, may_reuse })
+}
+
+/// What is asked for beside the mask, each thing once.
+#[derive(Default)]
+struct Asked {
+    params: Option<RequestedParams>,
+    labels: Option<BTreeMap<String, String>>,
+    callback_url: Option<String>,
+}
+
+impl Asked {
+    fn set(&mut self, jobs: &Jobs, name: &str, text: &[u8]) -> Result<(), ApiError> {
+        let is_there = match name {
+            "params" => self.params.replace(RequestedParams::parse(Some(text))?).is_some(),
+            "labels" => self.labels.replace(parse_labels(text)?).is_some(),
+            _ => self.callback_url.replace(parse_callback(jobs, text)?).is_some(),
+        };
+        if is_there { Err(given_twice()) } else { Ok(()) }
     }
-    let body = request.into_body().into_data_stream();
-    let mask = upload::receive(jobs.blobs(), jobs.limits().upload, body).await?;
-    Ok(Submission { mask, params: params.map_or_else(|| RequestedParams::parse(None), Ok)? })
 }
 
 async fn receive_form(
     jobs: &Jobs,
-    mut params: Option<RequestedParams>,
+    asked: &mut Asked,
     mut form: Multipart,
     understood: &AtomicU64,
-) -> Result<Submission, ApiError> {
+) -> Result<Received, ApiError> {
     let mut mask = None;
     while let Some(field) = in_time(jobs, form.next_field()).await?.map_err(|e| broken_form(&e))? {
-        match field.name() {
+        match field.name().map(str::to_owned).as_deref() {
             Some("mask") if mask.is_none() => {
                 let count = |chunk: &Result<Bytes, _>| {
                     understood.fetch_add(chunk.as_ref().map_or(0, |bytes| bytes.len() as u64), Ordering::Relaxed);
                 };
                 mask = Some(upload::receive(jobs.blobs(), jobs.limits().upload, field.inspect(count)).await?);
             }
-            Some("params") if params.is_none() => {
-                let json = in_time(jobs, read_params(field)).await??;
-                params = Some(RequestedParams::parse(Some(&json))?);
+            Some("mask") => return Err(given_twice()),
+            Some(name @ ("params" | "labels" | "callback_url")) => {
+                let text = in_time(jobs, read_text(field)).await??;
+                asked.set(jobs, name, &text)?;
             }
-            Some("mask" | "params") => return Err(invalid_form("mask or params is given twice")),
-            _ => return Err(invalid_form("a field is neither mask nor params")),
+            _ => return Err(invalid_form("a field is none of mask, params, labels and callback_url")),
         }
     }
-    let mask = mask.ok_or_else(|| invalid_form("the field mask is missing"))?;
-    Ok(Submission { mask, params: params.map_or_else(|| RequestedParams::parse(None), Ok)? })
+    mask.ok_or_else(|| invalid_form("the field mask is missing"))
 }
 
-async fn read_params(mut field: Field<'_>) -> Result<Vec<u8>, ApiError> {
-    let mut json = Vec::new();
+fn given_twice() -> ApiError {
+    invalid_form("mask, params, labels or callback_url is given twice")
+}
+
+fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>, ApiError> {
+    let Some(key) = headers.get(IDEMPOTENCY_KEY) else { return Ok(None) };
+    let key = key.to_str().ok().filter(|key| (1..=MAX_KEY_BYTES).contains(&key.len()));
+    match key {
+        Some(key) => Ok(Some(key.to_owned())),
+        None => Err(Problem::new(400, "invalid_idempotency_key", "the key is empty, too long or not ASCII")
+            .at("header Idempotency-Key")
+            .hint(format!("send 1 to {MAX_KEY_BYTES} visible ASCII characters, a UUID say"))
+            .into()),
+    }
+}
+
+fn parse_labels(text: &[u8]) -> Result<BTreeMap<String, String>, ApiError> {
+    let problem = |detail: &str| {
+        let hint = format!(
+            "send a JSON object of at most {MAX_LABELS} strings; names have 1 to {MAX_LABEL_NAME} letters, digits, \
+             dots, hyphens and underscores, values at most {MAX_LABEL_VALUE} characters"
+        );
+        ApiError::from(Problem::new(422, "invalid_labels", detail).at("labels").hint(hint))
+    };
+    let labels: BTreeMap<String, String> =
+        serde_json::from_slice(text).map_err(|_| problem("the labels are no JSON object of strings"))?;
+    let is_name = |name: &str| {
+        (1..=MAX_LABEL_NAME).contains(&name.len())
+            && name.chars().all(|c| c.is_ascii_alphanumeric() || "._-".contains(c))
+    };
+    let is_value = |value: &str| value.chars().count() <= MAX_LABEL_VALUE && !value.chars().any(char::is_control);
+    if labels.len() > MAX_LABELS {
+        return Err(problem("there are too many labels"));
+    }
+    if !labels.iter().all(|(name, value)| is_name(name) && is_value(value)) {
+        return Err(problem("a label's name or value is not allowed"));
+    }
+    Ok(labels)
+}
+
+fn parse_callback(jobs: &Jobs, text: &[u8]) -> Result<String, ApiError> {
+    let refused = |detail: String| {
+        let problem = Problem::new(422, "callback_not_allowed", detail).at("callback_url");
+        ApiError::from(problem.hint("use a URL that the server's operator has listed with --webhook-targets"))
+    };
+    let Some(webhooks) = jobs.webhooks() else {
+        return Err(refused("this server sends no webhooks".to_owned()));
+    };
+    let url = std::str::from_utf8(text).map_err(|_| refused("the URL is not UTF-8".to_owned()))?;
+    let checked = webhooks.targets().check(url).map_err(|error| refused(error.to_string()))?;
+    Ok(checked.as_str().to_owned())
+}
+
+async fn read_text(mut field: Field<'_>) -> Result<Vec<u8>, ApiError> {
+    let mut text = Vec::new();
     while let Some(chunk) = field.chunk().await.map_err(|e| broken_form(&e))? {
-        json.extend_from_slice(&chunk);
-        if json.len() > MAX_PARAMS_BYTES {
-            return Err(invalid_form(format!("params is longer than {MAX_PARAMS_BYTES} bytes")));
+        text.extend_from_slice(&chunk);
+        if text.len() > MAX_TEXT_BYTES {
+            return Err(invalid_form(format!("a field beside the mask is longer than {MAX_TEXT_BYTES} bytes")));
         }
     }
-    Ok(json)
+    Ok(text)
 }
 
 async fn in_time<T>(jobs: &Jobs, reading: impl Future<Output = T>) -> Result<T, ApiError> {
@@ -110,10 +201,11 @@ fn refuse_encoded(headers: &HeaderMap) -> Result<(), ApiError> {
     }
 }
 
-fn refuse_large(headers: &HeaderMap, max_bytes: u64, is_form: bool) -> Result<(), ApiError> {
-    let length = header(headers, CONTENT_LENGTH).and_then(|text| text.parse::<u64>().ok());
+/// The length that is said, 0 when it is not.
+fn refuse_large(headers: &HeaderMap, max_bytes: u64, is_form: bool) -> Result<u64, ApiError> {
+    let length = header(headers, CONTENT_LENGTH).and_then(|text| text.parse::<u64>().ok()).unwrap_or(0);
     let limit = if is_form { max_bytes.saturating_add(FORM_OVERHEAD_BYTES) } else { max_bytes };
-    if length.is_some_and(|length| length > limit) { Err(too_large(max_bytes)) } else { Ok(()) }
+    if length > limit { Err(too_large(max_bytes)) } else { Ok(length) }
 }
 
 /// Bounds what the parser keeps in memory. The framework's own limit, on the whole body, is off:
@@ -142,6 +234,6 @@ fn broken_form(error: &MultipartError) -> ApiError {
 fn invalid_form(detail: impl Into<String>) -> ApiError {
     Problem::new(400, "invalid_multipart", detail)
         .at("body")
-        .hint("send a form with the file field mask and, if wanted, the field params (JSON)")
+        .hint("send a form with the file field mask and, if wanted, params and labels (JSON) and callback_url")
         .into()
 }

@@ -1,11 +1,14 @@
 //! Jobs as JSON: what clients see.
 
+use std::collections::BTreeMap;
+
 use serde::Serialize;
 use serde_json::value::RawValue;
 
 use super::params_schema::ParamsSchema;
-use crate::jobs::job::{Job, JobState, JobWarning, MaskInfo, ResultFile};
-use crate::jobs::queue::{JobStatus, Progress};
+use crate::jobs::job::{Callback, CallbackState, CallbackTry, Job, JobState, JobWarning, MaskInfo, ResultFile};
+use crate::jobs::queue::JobStatus;
+use crate::jobs::running::Progress;
 use crate::problem::Problem;
 
 /// A job.
@@ -48,12 +51,44 @@ pub struct JobView {
     params: Box<RawValue>,
     /// What was uploaded.
     mask: MaskInfo,
+    /// Whether the mask is erased: then the job cannot be run again.
+    mask_erased: bool,
+    /// Whether the results were erased before the job: then they cannot be fetched any more.
+    results_erased: bool,
+    /// Whether the results are those of an equal request that came before.
+    reused: bool,
+    /// The client's own labels.
+    labels: BTreeMap<String, String>,
+    /// Whom to tell of the end; null unless asked for.
+    #[schema(required)]
+    callback: Option<CallbackView>,
+    /// Trace of the request that sent it; the log's lines about the job have it too.
+    trace_id: String,
     /// Where to go from here.
     links: Links,
 }
 
-/// How far a run is.
+/// Whom to tell of the end of a job, and whether that was done.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
+#[schema(as = Callback)]
+pub struct CallbackView {
+    /// Where to.
+    #[schema(format = "uri")]
+    url: String,
+    /// Where it stands.
+    state: CallbackState,
+    /// All tries, oldest first.
+    deliveries: Vec<CallbackTry>,
+}
+
+impl From<Callback> for CallbackView {
+    fn from(callback: Callback) -> Self {
+        Self { url: callback.url, state: callback.state, deliveries: callback.log }
+    }
+}
+
+/// How far a run is.
+#[derive(Clone, Debug, PartialEq, Serialize, utoipa::ToSchema)]
 #[schema(as = Progress)]
 pub struct ProgressView {
     /// The stage: read, mask, distance, skeleton, sheets, sides, isomap, lattice, spokes, quality.
@@ -89,9 +124,14 @@ pub struct Links {
     /// The job: GET, DELETE.
     #[serde(rename = "self")]
     itself: String,
+    /// What happens to it, as server-sent events.
+    events: String,
     /// POST here to stop it; null once it has ended.
     #[schema(required)]
     cancel: Option<String>,
+    /// POST here to run it again; null unless failed or canceled with its mask still there.
+    #[schema(required)]
+    retry: Option<String>,
 }
 
 /// Jobs, newest first.
@@ -133,6 +173,8 @@ impl From<JobStatus> for JobView {
         let Job { id, state, attempt, cancel_requested, mask, params_json, .. } = job;
         let itself = format!("/v1/jobs/{id}");
         let cancel = (!state.has_ended()).then(|| format!("{itself}/cancel"));
+        let is_retryable = matches!(state, JobState::Failed | JobState::Canceled) && job.is_mask_kept;
+        let retry = is_retryable.then(|| format!("{itself}/retry"));
         Self {
             id: id.to_string(),
             state,
@@ -148,7 +190,13 @@ impl From<JobStatus> for JobView {
             results: job.results.into_iter().map(|file| result_view(&itself, file)).collect(),
             params: RawValue::from_string(params_json).unwrap_or_default(),
             mask,
-            links: Links { itself, cancel },
+            mask_erased: !job.is_mask_kept,
+            results_erased: !job.are_results_kept,
+            reused: job.reused,
+            labels: job.labels,
+            callback: job.callback.map(Into::into),
+            trace_id: job.trace_id,
+            links: Links { events: format!("{itself}/events"), itself, cancel, retry },
         }
     }
 }

@@ -1,34 +1,82 @@
-//! Files of jobs: masks as they were sent, and results.
+//! Files of jobs: masks as they were sent, and results. Kept in an object store, durable when a
+//! call returns; one key is written once and never changed.
 //!
 //! ```text
-//! incoming/…                 uploads under way
-//! masks/{job}                one per job
-//! results/{job}/{token}/…    one folder per attempt, named by its lease token
-//! db/…                       the store's, when it is a file
+//! masks/{job}                   one per job
+//! results/{job}/{token}/{name}  one folder per attempt, named by its lease token
 //! ```
 //!
-//! Plain files and no object store: the pipeline reads and writes local paths anyway, and an
-//! upload must be hashed, synced and named in this order. All calls block.
+//! The store is a folder of this machine. What an object store elsewhere lacks is beside it, under
+//! `scratch/{instance}`: uploads under way, and the files of running attempts, which the pipeline
+//! writes as plain files.
 
 use std::collections::BTreeMap;
-use std::fs::{self, DirBuilder, File};
-use std::io::{self, Write};
-use std::os::unix::fs::DirBuilderExt;
+use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, SystemTime};
 
+use bytes::Bytes;
+use futures_util::stream::BoxStream;
+use futures_util::{StreamExt, TryStreamExt};
+use object_store::buffered::BufWriter;
+use object_store::local::LocalFileSystem;
+use object_store::path::Path as Key;
+use object_store::{GetOptions, GetRange, GetResultPayload, ObjectStore, ObjectStoreExt};
+use sha2::{Digest, Sha256};
 use tempfile::{NamedTempFile, TempPath};
+use tokio::io::{AsyncWriteExt, BufReader};
+use tokio::task::spawn_blocking;
 
-use super::job::JobId;
+use super::job::{Job, JobId, ResultFile};
+use super::process::sha256_of_file;
+use super::store::KeptFiles;
+use crate::formats::hex;
 
-const INCOMING: &str = "incoming";
+const SCRATCH: &str = "scratch";
 const MASKS: &str = "masks";
 const RESULTS: &str = "results";
 const DATABASE: &str = "db";
+/// Results up to this size are read once: checked, then sent from memory.
+const IN_MEMORY_BYTES: u64 = 8 << 20;
+/// How much is read ahead of a file that is copied.
+const COPY_BUFFER_BYTES: usize = 1 << 20;
 
-/// The files of all jobs under one folder.
+/// The files of all jobs.
 #[derive(Clone, Debug)]
 pub struct Blobs {
+    store: Arc<dyn ObjectStore>,
     root: PathBuf,
+    scratch: PathBuf,
+}
+
+/// A mask as a local file; a copy vanishes when this is dropped.
+#[derive(Debug)]
+pub enum LocalMask {
+    /// The stored file itself.
+    Stored(PathBuf),
+    /// A copy of it.
+    Copy(TempPath),
+}
+
+impl LocalMask {
+    /// Where it lies.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        match self {
+            Self::Stored(path) => path,
+            Self::Copy(path) => path,
+        }
+    }
+}
+
+/// A result whose content was found to be what was published.
+pub enum Content {
+    /// All of it.
+    Bytes(Bytes),
+    /// Too large for that: to be read with [`Blobs::read_range`].
+    Stored,
 }
 
 impl Blobs {
@@ -36,152 +84,393 @@ impl Blobs {
     ///
     /// # Errors
     /// When a folder cannot be made.
-    pub fn open(root: &Path) -> io::Result<Self> {
-        for folder in ["", INCOMING, MASKS, RESULTS, DATABASE] {
-            DirBuilder::new().recursive(true).mode(0o700).create(root.join(folder))?;
+    pub fn open(root: &Path, instance: &str) -> io::Result<Self> {
+        let scratch = root.join(SCRATCH).join(instance);
+        for folder in [root, &root.join(DATABASE), &scratch] {
+            super::make_private(folder)?;
         }
-        Ok(Self { root: root.to_owned() })
+        let store = LocalFileSystem::new_with_prefix(root).map_err(io_error)?.with_fsync(true);
+        Ok(Self { store: Arc::new(store.with_automatic_cleanup(true)), root: root.to_owned(), scratch })
+    }
+
+    /// The files of a data directory that another process works on; makes nothing, and takes in no
+    /// uploads.
+    ///
+    /// # Errors
+    /// When the folder is not there.
+    pub fn read_only(root: &Path) -> io::Result<Self> {
+        let store = LocalFileSystem::new_with_prefix(root).map_err(io_error)?.with_fsync(true);
+        Ok(Self { store: Arc::new(store), root: root.to_owned(), scratch: root.join(SCRATCH) })
     }
 
     /// Where a store that is a file lies.
     #[must_use]
-    pub fn database_path(&self) -> PathBuf {
-        self.root.join(DATABASE).join("jobs.sqlite")
+    pub fn database_path(root: &Path) -> PathBuf {
+        root.join(DATABASE).join("jobs.sqlite")
     }
 
-    /// A file for an upload; it vanishes when dropped.
+    /// A file for an upload; it vanishes when dropped. Blocks.
     ///
     /// # Errors
     /// When it cannot be made.
     pub fn begin_upload(&self) -> io::Result<NamedTempFile> {
-        NamedTempFile::new_in(self.root.join(INCOMING))
+        NamedTempFile::new_in(&self.scratch)
     }
 
-    /// Keeps an upload, whose content must be synced, as the mask of a job. Durable on return.
+    /// Keeps an upload as the mask of a job.
     ///
     /// # Errors
-    /// When it cannot be renamed or synced.
-    pub fn keep_mask(&self, upload: TempPath, id: JobId) -> io::Result<()> {
-        upload.persist(self.mask_path(id)).map_err(|failed| failed.error)?;
-        sync_folder(&self.root.join(MASKS))
+    /// When it cannot be stored.
+    pub async fn keep_mask(&self, upload: &Path, id: JobId) -> io::Result<()> {
+        self.put(upload, &mask_key(id)).await
     }
 
-    /// Where the mask of a job lies.
-    #[must_use]
-    pub fn mask_path(&self, id: JobId) -> PathBuf {
-        self.root.join(MASKS).join(id.to_string())
+    /// The mask of a job as a local file.
+    ///
+    /// # Errors
+    /// When it is not there or cannot be read.
+    pub async fn local_mask(&self, id: JobId) -> io::Result<LocalMask> {
+        let found = self.store.get(&mask_key(id)).await.map_err(io_error)?;
+        if let GetResultPayload::File(_, path) = &found.payload {
+            return Ok(LocalMask::Stored(path.clone()));
+        }
+        let (file, path) = self.begin_upload()?.into_parts();
+        let mut file = tokio::fs::File::from_std(file);
+        let mut chunks = found.into_stream();
+        while let Some(chunk) = chunks.try_next().await.map_err(io_error)? {
+            file.write_all(&chunk).await?;
+        }
+        file.flush().await?;
+        Ok(LocalMask::Copy(path))
     }
 
-    /// Makes the empty folder of an attempt.
+    /// Makes the empty local folder of an attempt. Blocks.
     ///
     /// # Errors
     /// When it cannot be made.
-    pub fn begin_attempt(&self, id: JobId, token: &str) -> io::Result<PathBuf> {
-        let folder = self.attempt_folder(id, token);
-        DirBuilder::new().recursive(true).mode(0o700).create(&folder)?;
+    pub fn begin_attempt(&self, token: &str) -> io::Result<PathBuf> {
+        let folder = self.scratch.join(token);
+        super::make_private(&folder)?;
         Ok(folder)
     }
 
-    /// Makes the files of an attempt durable; the row may name them afterwards.
+    /// Stores the files of an attempt; the row may name them afterwards.
     ///
     /// # Errors
-    /// When a file cannot be synced.
-    pub fn sync_attempt(&self, id: JobId, token: &str) -> io::Result<()> {
-        let folder = self.attempt_folder(id, token);
-        for entry in fs::read_dir(&folder)? {
-            File::open(entry?.path())?.sync_all()?;
-        }
-        sync_folder(&folder)?;
-        sync_folder(&self.job_folder(id))?;
-        sync_folder(&self.root.join(RESULTS))
+    /// When one cannot be stored.
+    pub async fn keep_results(&self, id: JobId, token: &str, names: &[&str]) -> io::Result<()> {
+        let folder = self.scratch.join(token);
+        let put = names.iter().map(|name| {
+            let (path, key) = (folder.join(name), result_key(id, token, name));
+            async move { self.put(&path, &key).await }
+        });
+        futures_util::future::try_join_all(put).await?;
+        Ok(())
     }
 
-    /// Where a file of an attempt lies.
-    #[must_use]
-    pub fn result_path(&self, id: JobId, token: &str, name: &str) -> PathBuf {
-        self.attempt_folder(id, token).join(name)
-    }
-
-    /// Removes what an attempt left.
+    /// Removes the local folder of an attempt. Blocks.
     ///
     /// # Errors
     /// When it cannot be removed.
-    pub fn erase_attempt(&self, id: JobId, token: &str) -> io::Result<()> {
-        gone(fs::remove_dir_all(self.attempt_folder(id, token)))?;
-        // Another attempt may be in the same folder: then it stays.
-        let _ = fs::remove_dir(self.job_folder(id));
+    pub fn end_attempt(&self, token: &str) -> io::Result<()> {
+        gone(fs::remove_dir_all(self.scratch.join(token)))
+    }
+
+    /// Copies published results to another job.
+    ///
+    /// # Errors
+    /// When a file is not there any more or cannot be copied.
+    pub async fn copy_results(&self, from: (JobId, &str), to: (JobId, &str), files: &[ResultFile]) -> io::Result<()> {
+        for file in files {
+            let (from, to) = (result_key(from.0, from.1, &file.name), result_key(to.0, to.1, &file.name));
+            self.store.copy(&from, &to).await.map_err(io_error)?;
+        }
         Ok(())
+    }
+
+    /// Reads a published result and compares it with its hash; `None` when it is not what was
+    /// published.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub async fn read_checked(&self, id: JobId, token: &str, file: &ResultFile) -> io::Result<Option<Content>> {
+        let found = self.store.get(&result_key(id, token, &file.name)).await.map_err(io_error)?;
+        if found.meta.size != file.bytes {
+            return Ok(None);
+        }
+        if file.bytes <= IN_MEMORY_BYTES {
+            let bytes = found.bytes().await.map_err(io_error)?;
+            let hashed = bytes.clone();
+            let hash = spawn_blocking(move || hex(&Sha256::digest(&hashed))).await?;
+            return Ok((hash == file.sha256).then_some(Content::Bytes(bytes)));
+        }
+        let mut chunks = found.into_stream();
+        let mut hash = Sha256::new();
+        while let Some(chunk) = chunks.try_next().await.map_err(io_error)? {
+            hash = spawn_blocking(move || hash.chain_update(&chunk)).await?;
+        }
+        Ok((hex(&hash.finalize()) == file.sha256).then_some(Content::Stored))
+    }
+
+    /// Bytes `first` to before `end` of a published result.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub async fn read_range(
+        &self,
+        (id, token, name): (JobId, &str, &str),
+        (first, end): (u64, u64),
+    ) -> io::Result<BoxStream<'static, io::Result<Bytes>>> {
+        let options = GetOptions { range: Some(GetRange::Bounded(first..end)), ..GetOptions::default() };
+        let found = self.store.get_opts(&result_key(id, token, name), options).await.map_err(io_error)?;
+        Ok(found.into_stream().map_err(io_error).boxed())
+    }
+
+    /// Whether the mask of a job is there and is what was sent.
+    pub async fn is_mask_whole(&self, job: &Job) -> bool {
+        let Ok(mask) = self.local_mask(job.id).await else { return false };
+        let hash = spawn_blocking(move || sha256_of_file(mask.path())).await;
+        matches!(hash, Ok(Ok(hash)) if hash == job.mask.sha256)
+    }
+
+    /// Copies a mask into another data directory; `false` when it is not there.
+    ///
+    /// # Errors
+    /// When it cannot be read or written.
+    pub async fn copy_mask_to(&self, other: &Self, id: JobId) -> io::Result<bool> {
+        self.copy_to(other, &mask_key(id)).await
+    }
+
+    /// Copies a result into another data directory; `false` when it is not there.
+    ///
+    /// # Errors
+    /// When it cannot be read or written.
+    pub async fn copy_result_to(&self, other: &Self, (id, token, name): (JobId, &str, &str)) -> io::Result<bool> {
+        self.copy_to(other, &result_key(id, token, name)).await
+    }
+
+    /// Removes the mask of a job.
+    ///
+    /// # Errors
+    /// When it cannot be removed.
+    pub async fn erase_mask(&self, id: JobId) -> io::Result<()> {
+        gone(self.store.delete(&mask_key(id)).await.map_err(io_error))
+    }
+
+    /// Removes all results of a job.
+    ///
+    /// # Errors
+    /// When one cannot be removed.
+    pub async fn erase_results(&self, id: JobId) -> io::Result<()> {
+        self.erase_under(&Key::from_iter([RESULTS, &id.to_string()])).await
+    }
+
+    /// Removes what an attempt stored.
+    ///
+    /// # Errors
+    /// When it cannot be removed.
+    pub async fn erase_attempt(&self, id: JobId, token: &str) -> io::Result<()> {
+        self.erase_under(&Key::from_iter([RESULTS, &id.to_string(), token])).await
     }
 
     /// Removes the mask and all results of a job.
     ///
     /// # Errors
     /// When something cannot be removed.
-    pub fn erase(&self, id: JobId) -> io::Result<()> {
-        gone(fs::remove_file(self.mask_path(id)))?;
-        gone(fs::remove_dir_all(self.job_folder(id)))?;
-        sync_folder(&self.root.join(MASKS))?;
-        sync_folder(&self.root.join(RESULTS))
+    pub async fn erase(&self, id: JobId) -> io::Result<()> {
+        self.erase_mask(id).await?;
+        self.erase_results(id).await
     }
 
-    /// Removes everything that `kept` does not name: uploads cut short, attempts that were never
-    /// published, files of jobs that are gone. Only while nothing else uses the folder. Says how
-    /// many entries went.
+    /// All keys of objects that are older than `age`.
     ///
     /// # Errors
-    /// When something cannot be listed or removed.
-    pub fn sweep(&self, kept: &BTreeMap<String, Option<String>>) -> io::Result<usize> {
-        let mut swept = sweep_folder(&self.root.join(INCOMING), |_| false)?;
-        swept += sweep_folder(&self.root.join(MASKS), |name| kept.contains_key(name))?;
-        swept += sweep_folder(&self.root.join(RESULTS), |name| kept.contains_key(name))?;
-        for (job, published) in kept {
-            let folder = self.root.join(RESULTS).join(job);
-            if folder.is_dir() {
-                swept += sweep_folder(&folder, |name| published.as_deref() == Some(name))?;
+    /// When they cannot be listed.
+    pub async fn older_than(&self, age: Duration) -> io::Result<Vec<StoredKey>> {
+        let latest = SystemTime::now() - age;
+        let mut found = Vec::new();
+        for folder in [MASKS, RESULTS] {
+            let mut objects = self.store.list(Some(&Key::from(folder)));
+            while let Some(object) = objects.try_next().await.map_err(io_error)? {
+                if SystemTime::from(object.last_modified) <= latest {
+                    found.push(StoredKey(object.location));
+                }
             }
+        }
+        Ok(found)
+    }
+
+    /// Removes those of `found` that no job keeps: what a crash left. Says how many.
+    ///
+    /// # Errors
+    /// When one cannot be removed.
+    pub async fn sweep(&self, found: Vec<StoredKey>, kept: &[KeptFiles]) -> io::Result<usize> {
+        let kept: BTreeMap<String, &KeptFiles> = kept.iter().map(|files| (files.id.to_string(), files)).collect();
+        let swept: Vec<_> = found.into_iter().filter(|key| !key.is_kept(&kept)).collect();
+        for key in &swept {
+            gone(self.store.delete(&key.0).await.map_err(io_error))?;
+        }
+        Ok(swept.len())
+    }
+
+    /// Removes what the object store itself left half-written longer ago than `age`: a draft beside
+    /// its key, which it never lists. Blocks.
+    ///
+    /// # Errors
+    /// When a folder cannot be read.
+    pub fn sweep_drafts(&self, age: Duration) -> io::Result<usize> {
+        let latest = SystemTime::now() - age;
+        let mut swept = 0;
+        for folder in [MASKS, RESULTS] {
+            sweep_drafts(&self.root.join(folder), latest, &mut swept)?;
         }
         Ok(swept)
     }
 
-    /// Fails unless a file can be written.
+    /// Removes the scratch files of a process that is gone. Blocks.
+    ///
+    /// # Errors
+    /// When they cannot be removed.
+    pub fn sweep_scratch(&self, instance: &str) -> io::Result<()> {
+        gone(fs::remove_dir_all(self.root.join(SCRATCH).join(instance)))
+    }
+
+    /// Processes that have scratch files. Blocks.
+    ///
+    /// # Errors
+    /// When the folder cannot be read.
+    pub fn instances_with_scratch(&self) -> io::Result<Vec<String>> {
+        let entries = fs::read_dir(self.root.join(SCRATCH))?;
+        entries.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned())).collect()
+    }
+
+    /// Fails unless a file can be written and made durable.
     ///
     /// # Errors
     /// When it cannot.
-    pub fn check_writable(&self) -> io::Result<()> {
-        let mut file = self.begin_upload()?;
-        file.write_all(b"ready")?;
-        file.as_file().sync_all()
+    pub async fn check_writable(&self) -> io::Result<()> {
+        let blobs = self.clone();
+        spawn_blocking(move || {
+            let mut file = blobs.begin_upload()?;
+            io::Write::write_all(&mut file, b"ready")?;
+            file.as_file().sync_all()
+        })
+        .await?
     }
 
-    fn job_folder(&self, id: JobId) -> PathBuf {
-        self.root.join(RESULTS).join(id.to_string())
+    /// Room left for files, bytes.
+    ///
+    /// # Errors
+    /// When the file system does not say.
+    pub fn free_bytes(&self) -> io::Result<u64> {
+        free_bytes(&self.root)
     }
 
-    fn attempt_folder(&self, id: JobId, token: &str) -> PathBuf {
-        self.job_folder(id).join(token)
+    async fn put(&self, path: &Path, key: &Key) -> io::Result<()> {
+        let file = tokio::fs::File::open(path).await?;
+        let mut from = BufReader::with_capacity(COPY_BUFFER_BYTES, file);
+        let mut to = BufWriter::new(Arc::clone(&self.store), key.clone());
+        let copied = async {
+            tokio::io::copy_buf(&mut from, &mut to).await?;
+            to.shutdown().await
+        };
+        if let Err(error) = copied.await {
+            // Nothing to abort when nothing was begun.
+            let _ = to.abort().await;
+            return Err(io_error(error));
+        }
+        Ok(())
+    }
+
+    async fn copy_to(&self, other: &Self, key: &Key) -> io::Result<bool> {
+        let found = match self.store.get(key).await.map_err(io_error) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
+            found => found?,
+        };
+        let mut to = BufWriter::new(Arc::clone(&other.store), key.clone());
+        let mut chunks = found.into_stream();
+        while let Some(chunk) = chunks.try_next().await.map_err(io_error)? {
+            to.put(chunk).await.map_err(io_error)?;
+        }
+        to.shutdown().await.map_err(io_error)?;
+        Ok(true)
+    }
+
+    async fn erase_under(&self, prefix: &Key) -> io::Result<()> {
+        let objects: Vec<_> = self.store.list(Some(prefix)).try_collect().await.map_err(io_error)?;
+        for object in objects {
+            gone(self.store.delete(&object.location).await.map_err(io_error))?;
+        }
+        Ok(())
     }
 }
 
-fn sweep_folder(folder: &Path, is_kept: impl Fn(&str) -> bool) -> io::Result<usize> {
-    let mut swept = 0;
-    for entry in fs::read_dir(folder)? {
+/// Where something is stored.
+#[derive(Clone, Debug)]
+pub struct StoredKey(Key);
+
+impl StoredKey {
+    fn is_kept(&self, kept: &BTreeMap<String, &KeptFiles>) -> bool {
+        let parts: Vec<String> = self.0.parts().map(|part| part.as_ref().to_owned()).collect();
+        let Some(job) = parts.get(1).and_then(|job| kept.get(job)) else { return false };
+        match parts[0].as_str() {
+            MASKS => job.mask,
+            _ => parts.get(2).is_some_and(|token| job.tokens.contains(token)),
+        }
+    }
+}
+
+/// Room left in the file system of `folder` for an unprivileged user, bytes.
+///
+/// # Errors
+/// When the file system does not say.
+pub fn free_bytes(folder: &Path) -> io::Result<u64> {
+    let found = rustix::fs::statvfs(folder)?;
+    Ok(found.f_bavail.saturating_mul(found.f_frsize))
+}
+
+fn mask_key(id: JobId) -> Key {
+    Key::from_iter([MASKS, &id.to_string()])
+}
+
+fn result_key(id: JobId, token: &str, name: &str) -> Key {
+    Key::from_iter([RESULTS, &id.to_string(), token, name])
+}
+
+/// Drafts are named like their key, then `#` and a number.
+fn sweep_drafts(folder: &Path, latest: SystemTime, swept: &mut usize) -> io::Result<()> {
+    let entries = match fs::read_dir(folder) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
+        entries => entries?,
+    };
+    for entry in entries {
         let entry = entry?;
-        if entry.file_name().to_str().is_some_and(&is_kept) {
-            continue;
+        let (name, about) = (entry.file_name(), entry.metadata()?);
+        let number = name.to_str().and_then(|name| name.rsplit_once('#')).map(|(_, number)| number);
+        if about.is_dir() {
+            sweep_drafts(&entry.path(), latest, swept)?;
+        } else if number.is_some_and(|n| n.bytes().all(|b| b.is_ascii_digit())) && about.modified()? <= latest {
+            gone(fs::remove_file(entry.path()))?;
+            *swept += 1;
         }
-        if entry.file_type()?.is_dir() {
-            fs::remove_dir_all(entry.path())?;
-        } else {
-            fs::remove_file(entry.path())?;
-        }
-        swept += 1;
     }
-    Ok(swept)
+    Ok(())
 }
 
-/// A new name in a folder is on disk only once the folder is.
-fn sync_folder(folder: &Path) -> io::Result<()> {
-    File::open(folder)?.sync_all()
+/// With the kind of the system's error below, where there is one: whether the disk is full matters.
+fn io_error<E: std::error::Error + Send + Sync + 'static>(error: E) -> io::Error {
+    let mut kind = io::ErrorKind::Other;
+    let mut cause: Option<&(dyn std::error::Error + 'static)> = Some(&error);
+    while let Some(inner) = cause {
+        if let Some(error) = inner.downcast_ref::<io::Error>().filter(|e| e.kind() != io::ErrorKind::Other) {
+            kind = error.kind();
+        }
+        if matches!(inner.downcast_ref(), Some(object_store::Error::NotFound { .. })) {
+            kind = io::ErrorKind::NotFound;
+        }
+        cause = inner.source();
+    }
+    io::Error::new(kind, error)
 }
 
 /// What is not there is as good as removed.

@@ -1,5 +1,6 @@
 //! A job: its identity, its states, and what is known about it.
 
+use std::collections::BTreeMap;
 use std::fmt;
 
 use jiff::Timestamp;
@@ -142,6 +143,79 @@ impl RequestedParams {
     pub fn checked(&self) -> &CheckedParams {
         &self.checked
     }
+
+    /// All parameters, defaults too, in one fixed order: equal for requests that mean the same.
+    #[must_use]
+    pub fn canonical(&self) -> String {
+        params_json::params_to_json(&self.checked).to_string()
+    }
+}
+
+/// A state that a job came into.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Change {
+    /// The state.
+    pub state: JobState,
+    /// When.
+    pub at: Timestamp,
+}
+
+/// Where the webhook of a job stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum CallbackState {
+    /// The job has not ended.
+    Waiting,
+    /// It is to be sent, or sent again.
+    Due,
+    /// It arrived.
+    Delivered,
+    /// It did not arrive and is not tried again.
+    GivenUp,
+}
+
+impl CallbackState {
+    /// The name used in the API and in the store.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Waiting => "waiting",
+            Self::Due => "due",
+            Self::Delivered => "delivered",
+            Self::GivenUp => "given_up",
+        }
+    }
+
+    /// The state of this name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        [Self::Waiting, Self::Due, Self::Delivered, Self::GivenUp].into_iter().find(|state| state.name() == name)
+    }
+}
+
+/// One try at sending a webhook.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct CallbackTry {
+    /// When, RFC 3339.
+    #[schema(value_type = String, format = DateTime)]
+    pub at: Timestamp,
+    /// Status of the answer, if there was one.
+    #[schema(required)]
+    pub status: Option<u16>,
+    /// Why it did not arrive; null when it did.
+    #[schema(required)]
+    pub error: Option<String>,
+}
+
+/// Whom to tell of the end of a job, and whether that was done.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Callback {
+    /// Where to.
+    pub url: String,
+    /// Where it stands.
+    pub state: CallbackState,
+    /// All tries, oldest first.
+    pub log: Vec<CallbackTry>,
 }
 
 /// Everything the store knows of a job that a client may see.
@@ -149,8 +223,16 @@ impl RequestedParams {
 pub struct Job {
     /// Its id.
     pub id: JobId,
+    /// Tenant that sent it; empty when nobody was asked who they are.
+    pub owner: String,
+    /// The client's own labels.
+    pub labels: BTreeMap<String, String>,
+    /// Trace of the request that sent it.
+    pub trace_id: String,
     /// Where it stands.
     pub state: JobState,
+    /// All states it came into, oldest first.
+    pub history: Vec<Change>,
     /// Runs begun, this one included.
     pub attempt: u32,
     /// Whether its client asked to stop it.
@@ -173,4 +255,14 @@ pub struct Job {
     pub results: Vec<ResultFile>,
     /// The attempt whose files are published.
     pub results_token: Option<String>,
+    /// Whether its results are those of an equal request.
+    pub reused: bool,
+    /// Version of the program that made the results.
+    pub program: Option<String>,
+    /// Whether its mask is still there.
+    pub is_mask_kept: bool,
+    /// Whether its results, if it had any, are still there.
+    pub are_results_kept: bool,
+    /// Whom to tell of its end.
+    pub callback: Option<Callback>,
 }

@@ -11,7 +11,7 @@ use sha2::{Digest, Sha256};
 use crate::formats::thickness_json::{InputFacts, OuterTimings};
 use crate::formats::{self, ReadError, glb, hex, tables, thickness_json};
 use crate::pipeline::model::Model;
-use crate::pipeline::observer::{Cancelled, Observer, Warning};
+use crate::pipeline::observer::{Cancelled, Observer, Stage, Warning};
 use crate::pipeline::params::CheckedParams;
 use crate::pipeline::{self, PipelineError};
 use crate::problem::Problem;
@@ -46,6 +46,8 @@ pub struct Processed {
     pub artifacts: Vec<Artifact>,
     /// All warnings: of the reader and of every structure.
     pub warnings: Vec<Warning>,
+    /// Seconds of each stage, of all structures together.
+    pub stage_seconds: Vec<(Stage, f64)>,
 }
 
 /// Why a mask was not processed.
@@ -169,7 +171,23 @@ pub fn publish(model: &Model, source: &Source, out: &Path, observer: &dyn Observ
     observer.check()?;
     draft.complete()?;
     let of_structures = model.structures.iter().flat_map(|structure| &structure.warnings);
-    Ok(Processed { artifacts, warnings: source.warnings.iter().chain(of_structures).cloned().collect() })
+    let warnings = source.warnings.iter().chain(of_structures).cloned().collect();
+    Ok(Processed { artifacts, warnings, stage_seconds: stage_seconds(model) })
+}
+
+fn stage_seconds(model: &Model) -> Vec<(Stage, f64)> {
+    let of = |stage| model.structures.iter().map(|structure| structure.timings.of(stage)).sum::<f64>() / 1e3;
+    Stage::ALL.map(|stage| (stage, of(stage))).to_vec()
+}
+
+/// SHA-256 of a file's content, lower-case hex.
+///
+/// # Errors
+/// When it cannot be read.
+pub fn sha256_of_file(path: &Path) -> io::Result<String> {
+    let mut hash = Hashed { inner: io::sink(), hash: Sha256::new(), bytes: 0 };
+    io::copy(&mut File::open(path)?, &mut hash)?;
+    Ok(hex(&hash.hash.finalize()))
 }
 
 fn milliseconds(since: Instant) -> f64 {
@@ -186,7 +204,7 @@ impl Draft<'_> {
     /// Size and hash of what `write` wrote.
     fn write(&self, name: &str, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<(u64, String)> {
         let file = File::create(partial(self.folder, name))?;
-        let mut hashed = Hashed { file, hash: Sha256::new(), bytes: 0 };
+        let mut hashed = Hashed { inner: file, hash: Sha256::new(), bytes: 0 };
         let mut buffered = BufWriter::with_capacity(1 << 16, &mut hashed);
         write(&mut buffered)?;
         buffered.flush()?;
@@ -223,21 +241,21 @@ fn remove_artifacts(folder: &Path) {
     }
 }
 
-struct Hashed {
-    file: File,
+struct Hashed<W> {
+    inner: W,
     hash: Sha256,
     bytes: u64,
 }
 
-impl Write for Hashed {
+impl<W: Write> Write for Hashed<W> {
     fn write(&mut self, buffer: &[u8]) -> io::Result<usize> {
-        let count = self.file.write(buffer)?;
+        let count = self.inner.write(buffer)?;
         self.hash.update(&buffer[..count]);
         self.bytes += count as u64;
         Ok(count)
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.file.flush()
+        self.inner.flush()
     }
 }

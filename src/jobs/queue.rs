@@ -1,46 +1,74 @@
 //! The service's jobs: what a client can do with them, whoever asks.
 
 use std::collections::BTreeMap;
-use std::fs::{File, TryLockError};
 use std::io;
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use jiff::Timestamp;
-use tokio::sync::Notify;
+use tokio::sync::{Notify, Semaphore};
 use tokio::task::{JoinError, spawn_blocking};
+use tokio::time::{Instant, timeout, timeout_at};
 use tokio_util::sync::CancellationToken;
 
 use super::blobs::Blobs;
-use super::expected::expected;
-use super::job::{Job, JobId, JobState, RequestedParams, ResultFile};
+use super::caller::{Caller, OpenRequest, OpenRequests};
+use super::changes::{Changes, RECHECK};
+use super::instance::Instance;
+use super::job::{Job, JobId, JobState, ResultFile};
 use super::process::InputLimits;
+use super::running::{Progress, Running};
 use super::sqlite::SqliteStore;
-use super::store::{CancelAnswer, JobStore, Lease, ListQuery, NewJob, Reclaim, StoreError};
-use super::upload::{Received, UploadLimits, preflight};
-use crate::pipeline::observer::{Observer, Stage};
+use super::store::{CancelAnswer, Lease, ListQuery, QueueLimits, Reclaim, RetryAnswer, Store, StoreError};
+use super::upload::UploadLimits;
+use crate::audit::{Action, Audit, Entry};
+use crate::metrics::{Metrics, Now};
 use crate::problem::Problem;
+use crate::webhook::Sender;
 
 /// How long a deletion waits for a running job to let go of its files.
 const DELETE_PATIENCE: Duration = Duration::from_secs(5);
+/// How old a file must be that no job names before it is swept while others may be at work.
+const SWEEP_AGE: Duration = Duration::from_secs(3600);
 
 /// What bounds the jobs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct JobLimits {
-    /// Jobs that may wait.
-    pub max_queued: u64,
+    /// What may wait.
+    pub queue: QueueLimits,
+    /// Room on the disk below which nothing is taken in, bytes.
+    pub min_free_bytes: u64,
+    /// Uploads at the same time.
+    pub max_uploads: usize,
+    /// Requests of one tenant at the same time.
+    pub max_requests: usize,
+    /// Longest run of a job.
+    pub max_run: Duration,
     /// Bounds on an upload.
     pub upload: UploadLimits,
     /// Bounds on what a file may unpack to.
     pub input: InputLimits,
+    /// How long what is kept.
+    pub keep: Retention,
+}
+
+/// How long after the end of a job what is kept of it; `None` is for ever.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Retention {
+    /// The job itself, and all else of it.
+    pub jobs: Option<Duration>,
+    /// Its mask.
+    pub masks: Option<Duration>,
+    /// Its results.
+    pub results: Option<Duration>,
 }
 
 /// Why something was not done with a job.
 #[derive(Debug, thiserror::Error)]
 pub enum JobsError {
-    /// There is no such job.
+    /// There is no such job, or it is another tenant's.
     #[error("no such job")]
     NotFound,
     /// The job has no result of this name.
@@ -49,9 +77,27 @@ pub enum JobsError {
         /// The job's state.
         state: JobState,
     },
+    /// Its results were erased in time.
+    #[error("the results are erased")]
+    ResultsErased,
+    /// A result on disk is not what was published.
+    #[error("a result is damaged")]
+    ResultDamaged,
     /// The job has ended and cannot be cancelled.
     #[error("the job has ended")]
     AlreadyEnded(JobState),
+    /// The job has not failed and was not canceled.
+    #[error("the job cannot be run again")]
+    NotRetryable(JobState),
+    /// The mask was erased.
+    #[error("the mask is erased")]
+    MaskErased,
+    /// The disk has less room than is to be left free.
+    #[error("the disk is nearly full")]
+    StorageLow,
+    /// As many uploads are under way as may be.
+    #[error("too many uploads")]
+    TooManyUploads,
     /// The file was refused.
     #[error("{}", .0.code)]
     Refused(Box<Problem>),
@@ -69,9 +115,6 @@ pub enum JobsError {
 /// Why the jobs cannot be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
-    /// Another server uses the data directory.
-    #[error("the data directory is in use by another server")]
-    InUse,
     /// The directory cannot be used.
     #[error("the data directory cannot be used: {0}")]
     Files(#[from] io::Error),
@@ -91,63 +134,78 @@ pub struct JobStatus {
     pub queue_position: Option<u64>,
 }
 
-/// How far a run is.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Progress {
-    /// The stage, `None` while the file is read.
-    pub stage: Option<Stage>,
-    /// Structures, 0 while the file is read.
-    pub structures: usize,
-    /// The structure worked on, from 0.
-    pub structure: usize,
-    /// Share of the whole run, 0 to 1.
-    pub fraction: f64,
-}
-
-/// What is to be served of a result.
+/// A published result.
 #[derive(Clone, Debug)]
-pub struct PublishedFile {
+pub struct Published {
+    /// Its job.
+    pub id: JobId,
+    /// The attempt that made it.
+    pub token: String,
     /// Its description.
     pub file: ResultFile,
-    /// Where it lies.
-    pub path: PathBuf,
 }
 
-/// All jobs of one data directory.
+impl Published {
+    /// The name as a code of ours: it is one of the contract's.
+    #[must_use]
+    pub fn code(&self) -> &str {
+        &self.file.name
+    }
+}
+
+/// All jobs of one data directory, as this process sees them.
 pub struct Jobs {
-    store: Arc<dyn JobStore>,
+    store: Arc<dyn Store>,
     blobs: Blobs,
     limits: JobLimits,
+    instance: Instance,
     running: Mutex<BTreeMap<JobId, Arc<Running>>>,
+    changes: Arc<Changes>,
     wake: Notify,
+    wake_callbacks: Notify,
     workers_alive: AtomicUsize,
-    /// Held as long as this lives: two servers on one directory would run jobs twice.
-    _lock: File,
+    requests: Arc<OpenRequests>,
+    uploads: Semaphore,
+    closing: CancellationToken,
+    audit: Audit,
+    metrics: Metrics,
+    webhooks: Option<Sender>,
 }
 
 impl Jobs {
-    /// Opens the data directory: takes its lock, takes up the jobs of the server that stopped, and
-    /// sweeps the files that no job names.
+    /// Opens the data directory, takes up the jobs of servers that are gone, and sweeps the files
+    /// that no job names.
     ///
     /// # Errors
     /// As [`OpenError`].
-    pub async fn open(data_dir: &Path, limits: JobLimits) -> Result<Self, OpenError> {
-        let blobs = Blobs::open(data_dir)?;
-        let lock = lock(data_dir)?;
-        let store: Arc<dyn JobStore> = Arc::new(SqliteStore::open(&blobs.database_path()).await?);
-        let taken_up = store.reclaim(Reclaim::All, Timestamp::now()).await?;
-        let kept = store.kept_files().await?.into_iter().map(|(id, token)| (id.to_string(), token)).collect();
-        let swept = blobs.sweep(&kept)?;
-        tracing::info!(jobs = kept.len(), taken_up, swept, "data directory opened");
-        Ok(Self {
+    pub async fn open(data_dir: &Path, limits: JobLimits, webhooks: Option<Sender>) -> Result<Self, OpenError> {
+        super::make_private(data_dir)?;
+        let instance = Instance::begin(data_dir)?;
+        let blobs = Blobs::open(data_dir, instance.id())?;
+        let store: Arc<dyn Store> = Arc::new(SqliteStore::open(&Blobs::database_path(data_dir)).await?);
+        let jobs = Self {
             store,
             blobs,
             limits,
+            instance,
             running: Mutex::default(),
+            changes: Arc::default(),
             wake: Notify::new(),
+            wake_callbacks: Notify::new(),
             workers_alive: AtomicUsize::new(0),
-            _lock: lock,
-        })
+            requests: Arc::default(),
+            uploads: Semaphore::new(limits.max_uploads),
+            closing: CancellationToken::new(),
+            audit: Audit::open(&super::audit_path(data_dir))?,
+            metrics: Metrics::new(),
+            webhooks,
+        };
+        let taken_up = jobs.take_up_dead().await?;
+        let age = if jobs.instance.has_company()? { SWEEP_AGE } else { Duration::ZERO };
+        let swept = jobs.sweep(age).await?;
+        tracing::info!(taken_up, swept, "data directory opened");
+        jobs.record(&Caller::default(), Action::Started, None, "ok");
+        Ok(jobs)
     }
 
     /// What bounds the jobs.
@@ -164,58 +222,96 @@ impl Jobs {
 
     /// The rows.
     #[must_use]
-    pub fn store(&self) -> &dyn JobStore {
+    pub fn store(&self) -> &dyn Store {
         &*self.store
     }
 
-    /// Fails when as many jobs wait as may; asked before an upload is read.
-    ///
-    /// # Errors
-    /// [`StoreError::QueueFull`].
-    pub async fn check_room(&self) -> Result<(), JobsError> {
-        let queued = self.store.count_queued().await?;
-        if queued >= self.limits.max_queued { Err(StoreError::QueueFull.into()) } else { Ok(()) }
+    /// What operators alarm on.
+    #[must_use]
+    pub fn metrics(&self) -> &Metrics {
+        &self.metrics
     }
 
-    /// Accepts a mask. On return the job is on disk and survives the loss of power.
+    /// What sends webhooks, when any may be sent.
+    #[must_use]
+    pub fn webhooks(&self) -> Option<&Sender> {
+        self.webhooks.as_ref()
+    }
+
+    /// How the service is at this moment.
     ///
     /// # Errors
-    /// When the file is refused, the queue is full, or storage fails; nothing is left then.
-    pub async fn submit(&self, upload: Received, params: &RequestedParams) -> Result<JobStatus, JobsError> {
-        let Received { file, mask } = upload;
-        let id = JobId::now();
-        let (blobs, limits) = (self.blobs.clone(), self.limits.input);
-        let header = spawn_blocking(move || {
-            let header = preflight(&file, limits).map_err(JobsError::Refused)?;
-            blobs.keep_mask(file, id).map_err(JobsError::Files)?;
-            Ok::<_, JobsError>(header)
+    /// When the store fails or the disk does not say how much room it has.
+    pub async fn now(&self) -> Result<Now, JobsError> {
+        let load = self.store.load("").await?;
+        let oldest = self.store.oldest_queued().await?;
+        let waited = oldest.map_or(0.0, |time| Timestamp::now().duration_since(time).as_secs_f64());
+        Ok(Now {
+            queued: load.jobs,
+            queued_bytes: load.bytes,
+            oldest_queued_seconds: waited.max(0.0),
+            running: self.running_jobs().len() as u64,
+            workers: self.workers_alive.load(Ordering::Relaxed) as u64,
+            uploads: (self.limits.max_uploads - self.uploads.available_permits()) as u64,
+            disk_free_bytes: self.blobs.free_bytes()?,
+            disk_min_free_bytes: self.limits.min_free_bytes,
         })
-        .await??;
-        let expected = expected(&header, mask.bytes, params.checked());
-        let new = NewJob { id, mask, params_json: params.json().to_owned(), created_at: Timestamp::now(), expected };
-        if let Err(error) = self.store.insert(&new, self.limits.max_queued).await {
-            self.erase(id).await?;
-            return Err(error.into());
-        }
-        tracing::info!(job = %id, bytes = new.mask.bytes, "job accepted");
-        self.wake.notify_one();
-        self.status(id).await
+    }
+
+    /// Those who wait for something to happen.
+    #[must_use]
+    pub fn changes(&self) -> &Changes {
+        &self.changes
+    }
+
+    /// Ready once the service is told to stop: nobody waits any longer.
+    #[must_use]
+    pub fn closing(&self) -> &CancellationToken {
+        &self.closing
+    }
+
+    /// Counts a request of a tenant while it is open; `None` when it has too many.
+    #[must_use]
+    pub fn open_request(&self, tenant: &str) -> Option<OpenRequest> {
+        self.requests.open(tenant, self.limits.max_requests)
     }
 
     /// One job.
     ///
     /// # Errors
-    /// When there is none of this id, or the store fails.
-    pub async fn status(&self, id: JobId) -> Result<JobStatus, JobsError> {
-        let job = self.store.get(id).await?.ok_or(JobsError::NotFound)?;
+    /// When the caller has none of this id, or the store fails.
+    pub async fn status(&self, caller: &Caller, id: JobId) -> Result<JobStatus, JobsError> {
+        let job = self.own(caller, id).await?;
         self.with_progress(job).await
     }
 
-    /// Some jobs, newest first.
+    /// One job, once it has ended or `patience` is over.
+    ///
+    /// # Errors
+    /// As [`Self::status`].
+    pub async fn status_at_end(&self, caller: &Caller, id: JobId, patience: Duration) -> Result<JobStatus, JobsError> {
+        let deadline = Instant::now() + patience;
+        let mut changes = self.changes.watch(id);
+        loop {
+            let seen = changes.borrow_and_update().states;
+            let status = self.status(caller, id).await?;
+            if status.job.state.has_ended() || Instant::now() >= deadline || self.closing.is_cancelled() {
+                return Ok(status);
+            }
+            let changed = changes.wait_for(|happened| happened.states != seen);
+            let until = deadline.min(Instant::now() + RECHECK);
+            tokio::select! {
+                _ = timeout_at(until, changed) => {}
+                () = self.closing.cancelled() => {}
+            }
+        }
+    }
+
+    /// Some of the caller's jobs, newest first.
     ///
     /// # Errors
     /// When the store fails.
-    pub async fn list(&self, query: ListQuery) -> Result<Vec<JobStatus>, JobsError> {
+    pub async fn list(&self, query: &ListQuery) -> Result<Vec<JobStatus>, JobsError> {
         let mut list = Vec::new();
         for job in self.store.list(query).await? {
             list.push(self.with_progress(job).await?);
@@ -226,14 +322,16 @@ impl Jobs {
     /// A published result.
     ///
     /// # Errors
-    /// When there is no such job or it has no such result.
-    pub async fn result(&self, id: JobId, name: &str) -> Result<PublishedFile, JobsError> {
-        let job = self.store.get(id).await?.ok_or(JobsError::NotFound)?;
+    /// When there is no such job, it has no such result, or it was erased.
+    pub async fn result(&self, caller: &Caller, id: JobId, name: &str) -> Result<Published, JobsError> {
+        let job = self.own(caller, id).await?;
         let missing = JobsError::NoSuchResult { state: job.state };
         let file = job.results.into_iter().find(|file| file.name == name);
         let (Some(file), Some(token)) = (file, job.results_token) else { return Err(missing) };
-        let path = self.blobs.result_path(id, &token, &file.name);
-        Ok(PublishedFile { file, path })
+        if !job.are_results_kept {
+            return Err(JobsError::ResultsErased);
+        }
+        Ok(Published { id, token, file })
     }
 
     /// Asks for the end of a job; one that runs stops at its next slice of work. A run that is
@@ -241,45 +339,185 @@ impl Jobs {
     ///
     /// # Errors
     /// When there is no such job or it has ended.
-    pub async fn cancel(&self, id: JobId) -> Result<JobStatus, JobsError> {
+    pub async fn cancel(&self, caller: &Caller, id: JobId) -> Result<JobStatus, JobsError> {
+        self.own(caller, id).await?;
         match self.store.cancel(id, Timestamp::now()).await? {
             CancelAnswer::NotFound => return Err(JobsError::NotFound),
             CancelAnswer::AlreadyEnded(state) => return Err(JobsError::AlreadyEnded(state)),
             CancelAnswer::Requested => self.running_job(id).iter().for_each(|running| running.stop()),
-            CancelAnswer::Canceled => {}
+            CancelAnswer::Canceled => {
+                self.metrics.ended("canceled", "");
+                self.has_ended(id).await;
+            }
         }
         tracing::info!(job = %id, "job cancel requested");
-        self.status(id).await
+        self.record(caller, Action::Cancel, Some(id), "accepted");
+        self.status(caller, id).await
+    }
+
+    /// Runs a failed or canceled job again.
+    ///
+    /// # Errors
+    /// When there is no such job, it is in another state, its mask is erased or the queue is full.
+    pub async fn retry(&self, caller: &Caller, id: JobId) -> Result<JobStatus, JobsError> {
+        self.own(caller, id).await?;
+        match self.store.retry(id, Timestamp::now(), self.queue_limits(&caller.tenant)).await? {
+            RetryAnswer::NotFound => return Err(JobsError::NotFound),
+            RetryAnswer::NotRetryable(state) => return Err(JobsError::NotRetryable(state)),
+            RetryAnswer::MaskErased => return Err(JobsError::MaskErased),
+            RetryAnswer::Queued => {}
+        }
+        tracing::info!(job = %id, "job retried");
+        self.record(caller, Action::Retry, Some(id), "accepted");
+        self.changes.state(id);
+        self.wake_one();
+        self.status(caller, id).await
     }
 
     /// Forgets a job and erases its mask and results; one that runs is stopped first.
     ///
     /// # Errors
     /// When there is no such job or a file cannot be removed.
-    pub async fn delete(&self, id: JobId) -> Result<(), JobsError> {
+    pub async fn delete(&self, caller: &Caller, id: JobId) -> Result<(), JobsError> {
+        self.own(caller, id).await?;
         if !self.store.delete(id).await? {
             return Err(JobsError::NotFound);
         }
         if let Some(running) = self.running_job(id) {
             running.stop();
             // A run that does not stop in time erases its own files when it ends.
-            let _ = tokio::time::timeout(DELETE_PATIENCE, running.ended.cancelled()).await;
+            let _ = timeout(DELETE_PATIENCE, running.ended.cancelled()).await;
         }
-        self.erase(id).await?;
+        self.blobs.erase(id).await?;
         tracing::info!(job = %id, "job deleted");
+        self.record(caller, Action::Delete, Some(id), "erased");
+        self.changes.state(id);
         Ok(())
     }
 
     /// Names what keeps the service from doing its work; empty when nothing does.
     pub async fn what_is_broken(&self) -> Vec<&'static str> {
-        let blobs = self.blobs.clone();
-        let files = spawn_blocking(move || blobs.check_writable()).await;
         let checks = [
+            ("the server is stopping", self.closing.is_cancelled()),
             ("the database cannot be written", self.store.check_writable().await.is_err()),
-            ("the data directory cannot be written", !matches!(files, Ok(Ok(())))),
+            ("the data directory cannot be written", self.blobs.check_writable().await.is_err()),
             ("no worker is alive", self.workers_alive.load(Ordering::Relaxed) == 0),
         ];
         checks.iter().filter(|(_, is_broken)| *is_broken).map(|(what, _)| *what).collect()
+    }
+
+    /// Whether the disk has less room than is to be left free: then nothing is taken in.
+    #[must_use]
+    pub fn is_disk_low(&self) -> bool {
+        self.check_disk(0).is_err()
+    }
+
+    /// Says in the audit log what somebody did. The service goes on when that fails: on a full disk
+    /// deleting must still work.
+    pub fn record(&self, caller: &Caller, action: Action, job: Option<JobId>, outcome: &str) {
+        let job = job.map(|id| id.to_string());
+        let entry = Entry {
+            tenant: Some(caller.tenant.as_str()).filter(|tenant| !tenant.is_empty()),
+            token: caller.token.as_deref(),
+            action,
+            job: job.as_deref(),
+            outcome,
+            trace_id: Some(caller.trace_id.as_str()).filter(|id| !id.is_empty()),
+        };
+        if let Err(error) = self.audit.append(&entry) {
+            self.metrics.audit_failed();
+            tracing::error!(%error, "the audit log cannot be written");
+        }
+    }
+
+    /// Takes up what processes left that are gone: their jobs wait again, their scratch files go.
+    pub(super) async fn take_up_dead(&self) -> Result<usize, OpenError> {
+        let mut taken_up = 0;
+        for dead in self.instance.dead()? {
+            taken_up += self.reclaim(Reclaim::Instance(&dead)).await?;
+            self.blobs.sweep_scratch(&dead)?;
+            self.instance.bury(&dead);
+        }
+        Ok(taken_up)
+    }
+
+    /// Takes jobs from workers that are gone. Says how many.
+    pub(super) async fn reclaim(&self, which: Reclaim<'_>) -> Result<usize, StoreError> {
+        let taken = self.store.reclaim(which, Timestamp::now()).await?;
+        for (id, state) in &taken {
+            tracing::warn!(job = %id, state = state.name(), "job taken from a worker that is gone");
+            self.metrics.reclaimed();
+            if state.has_ended() {
+                let code = if *state == JobState::Failed { "too_many_attempts" } else { "" };
+                self.metrics.ended(state.name(), code);
+                self.has_ended(*id).await;
+            } else {
+                self.changes.state(*id);
+                self.wake_one();
+            }
+        }
+        Ok(taken.len())
+    }
+
+    /// Removes files older than `age` that no job names. Files first, rows then: what comes between
+    /// is too young.
+    pub(super) async fn sweep(&self, age: Duration) -> Result<usize, OpenError> {
+        let found = self.blobs.older_than(age).await?;
+        let swept = self.blobs.sweep(found, &self.store.kept_files().await?).await?;
+        let blobs = self.blobs.clone();
+        let drafts = spawn_blocking(move || blobs.sweep_drafts(age)).await.map_err(io::Error::from)??;
+        if age.is_zero() {
+            for instance in self.blobs.instances_with_scratch()? {
+                if instance != self.instance.id() {
+                    self.blobs.sweep_scratch(&instance)?;
+                }
+            }
+        }
+        Ok(swept + drafts)
+    }
+
+    pub(super) async fn sweep_old(&self) -> Result<usize, OpenError> {
+        self.sweep(SWEEP_AGE).await
+    }
+
+    /// What is due at the end of every job.
+    pub(super) async fn has_ended(&self, id: JobId) {
+        if self.limits.keep.masks.is_some_and(|time| time.is_zero()) {
+            self.forget_mask(id).await;
+        }
+        self.changes.state(id);
+        self.wake_callbacks.notify_one();
+    }
+
+    pub(super) async fn forget_mask(&self, id: JobId) {
+        let erased = async {
+            self.store.forget_mask(id).await?;
+            Ok::<_, JobsError>(self.blobs.erase_mask(id).await?)
+        };
+        if let Err(error) = erased.await {
+            tracing::error!(job = %id, %error, "a mask cannot be erased; it is tried again later");
+        }
+    }
+
+    pub(super) fn check_disk(&self, bytes: u64) -> Result<(), JobsError> {
+        let free = self.blobs.free_bytes()?;
+        if free < self.limits.min_free_bytes.saturating_add(bytes) { Err(JobsError::StorageLow) } else { Ok(()) }
+    }
+
+    /// What may wait of a tenant; who is alone has no share.
+    pub(super) fn queue_limits(&self, tenant: &str) -> QueueLimits {
+        let share_percent = if tenant.is_empty() { 100 } else { self.limits.queue.share_percent };
+        QueueLimits { share_percent, ..self.limits.queue }
+    }
+
+    pub(super) fn uploads(&self) -> &Semaphore {
+        &self.uploads
+    }
+
+    /// A job of the caller's; another tenant's is as good as none.
+    async fn own(&self, caller: &Caller, id: JobId) -> Result<Job, JobsError> {
+        let job = self.store.get(id).await?;
+        job.filter(|job| job.owner == caller.tenant).ok_or(JobsError::NotFound)
     }
 
     async fn with_progress(&self, job: Job) -> Result<JobStatus, JobsError> {
@@ -292,14 +530,14 @@ impl Jobs {
         Ok(JobStatus { job, progress, queue_position })
     }
 
-    pub(super) async fn erase(&self, id: JobId) -> Result<(), JobsError> {
-        let blobs = self.blobs.clone();
-        Ok(spawn_blocking(move || blobs.erase(id)).await??)
-    }
-
     /// Waits until a job may have come.
     pub(super) async fn woken(&self) {
         self.wake.notified().await;
+    }
+
+    /// Waits until a webhook may be due.
+    pub(super) async fn callbacks_woken(&self) {
+        self.wake_callbacks.notified().await;
     }
 
     /// Wakes one more worker: there may be a job.
@@ -307,14 +545,23 @@ impl Jobs {
         self.wake.notify_one();
     }
 
+    pub(super) fn instance(&self) -> &Instance {
+        &self.instance
+    }
+
     pub(super) fn begin(&self, lease: Lease) -> Arc<Running> {
-        let running = Arc::new(Running::new(lease));
+        let running = Arc::new(Running::new(lease, self.limits.max_run, Arc::clone(&self.changes)));
         self.running_jobs().insert(running.lease.id, Arc::clone(&running));
+        self.changes.state(running.lease.id);
         running
     }
 
+    /// A job that was taken away and came back is another run, which stays.
     pub(super) fn end(&self, running: &Running) {
-        self.running_jobs().remove(&running.lease.id);
+        let mut jobs = self.running_jobs();
+        if jobs.get(&running.lease.id).is_some_and(|other| other.lease == running.lease) {
+            jobs.remove(&running.lease.id);
+        }
         running.ended.cancel();
     }
 
@@ -334,54 +581,5 @@ impl Jobs {
     fn running_jobs(&self) -> MutexGuard<'_, BTreeMap<JobId, Arc<Running>>> {
         // Nothing panics while it is held; a poisoned map would still be whole.
         self.running.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-fn lock(data_dir: &Path) -> Result<File, OpenError> {
-    let file = File::create(data_dir.join("lock"))?;
-    match file.try_lock() {
-        Ok(()) => Ok(file),
-        Err(TryLockError::WouldBlock) => Err(OpenError::InUse),
-        Err(TryLockError::Error(error)) => Err(error.into()),
-    }
-}
-
-/// A job that runs in this process: hears its progress and can stop it.
-#[derive(Debug)]
-pub(super) struct Running {
-    pub(super) lease: Lease,
-    stop: AtomicBool,
-    progress: Mutex<Progress>,
-    /// Cancelled once the run has let go of its files.
-    ended: CancellationToken,
-}
-
-impl Running {
-    fn new(lease: Lease) -> Self {
-        let progress = Progress { stage: None, structures: 0, structure: 0, fraction: 0.0 };
-        Self { lease, stop: AtomicBool::new(false), progress: Mutex::new(progress), ended: CancellationToken::new() }
-    }
-
-    pub(super) fn stop(&self) {
-        self.stop.store(true, Ordering::Relaxed);
-    }
-
-    fn progress(&self) -> Progress {
-        *self.progress.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-impl Observer for Running {
-    #[expect(clippy::cast_precision_loss, reason = "a few stages of a few structures")]
-    fn progress(&self, structure: usize, structures: usize, stage: Stage, fraction: f64) {
-        let stages_done = Stage::ALL.iter().take_while(|s| **s < stage).count() as f64 + fraction.clamp(0.0, 1.0);
-        let structures_done = structure as f64 + stages_done / Stage::ALL.len() as f64;
-        let fraction = structures_done / structures.max(1) as f64;
-        *self.progress.lock().unwrap_or_else(PoisonError::into_inner) =
-            Progress { stage: Some(stage), structures, structure, fraction };
-    }
-
-    fn is_cancelled(&self) -> bool {
-        self.stop.load(Ordering::Relaxed)
     }
 }

@@ -1,12 +1,16 @@
-//! The store: what is kept of jobs, and who may change it. One trait, so that the service does
-//! not know the database.
+//! The store: what is kept of jobs and tokens, and who may change it. One trait, [`Store`], so that
+//! the service does not know the database; its parts are traits of their own, so that an
+//! implementation can be read in parts too. What every implementation promises is tested in one
+//! place, whatever database is behind it.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use async_trait::async_trait;
 use jiff::Timestamp;
 
-use super::job::{Job, JobId, JobState, JobWarning, MaskInfo, ResultFile};
+use super::job::{CallbackTry, Job, JobId, JobState, JobWarning, MaskInfo, ResultFile};
+use super::token::StoredToken;
 use crate::problem::Problem;
 
 /// Runs of one job before it is given up. A job that takes its server down with it would
@@ -16,9 +20,15 @@ pub const MAX_ATTEMPTS: u32 = 3;
 /// Why the store did not do what was asked.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
-    /// As many jobs wait as are allowed to.
+    /// As many jobs, or bytes of masks, wait as are allowed to.
     #[error("the queue is full")]
     QueueFull,
+    /// This tenant has its share of the queue.
+    #[error("the tenant's share of the queue is full")]
+    ShareFull,
+    /// The idempotency key was used for another request.
+    #[error("the idempotency key belongs to another request")]
+    KeyReused,
     /// The lease was lost: the job was given to another worker, deleted or ended.
     #[error("the lease is not held any more")]
     StaleLease,
@@ -29,7 +39,7 @@ pub enum StoreError {
     #[error("database migration: {0}")]
     Migration(#[from] sqlx::migrate::MigrateError),
     /// A row holds what this program never writes.
-    #[error("column {column} of a job holds what no job can have")]
+    #[error("column {column} holds what it never can")]
     Corrupt {
         /// Its column.
         column: &'static str,
@@ -41,14 +51,43 @@ pub enum StoreError {
 pub struct NewJob {
     /// Its id.
     pub id: JobId,
+    /// Tenant that sent it.
+    pub owner: String,
     /// What was uploaded.
     pub mask: MaskInfo,
     /// Parameters as sent.
     pub params_json: String,
+    /// The client's own labels.
+    pub labels: BTreeMap<String, String>,
+    /// Key of the request, unique per owner.
+    pub idempotency_key: Option<String>,
+    /// Hash of all that was asked for: mask, parameters, labels, callback.
+    pub request_sha256: String,
+    /// Hash of mask and parameters: of what the results follow from.
+    pub work_sha256: String,
+    /// Whom to tell of the end.
+    pub callback_url: Option<String>,
+    /// Trace of the request.
+    pub trace_id: String,
     /// When it was accepted.
     pub created_at: Timestamp,
     /// How long it is expected to take: shorter jobs pass longer ones.
     pub expected: Duration,
+    /// Results that an equal request left: the job has succeeded at once.
+    pub reused: Option<Reused>,
+}
+
+/// Results taken over from an equal request.
+#[derive(Clone, Debug)]
+pub struct Reused {
+    /// Folder that they were copied to.
+    pub token: String,
+    /// The files.
+    pub results: Vec<ResultFile>,
+    /// Warnings of the run that made them.
+    pub warnings: Vec<JobWarning>,
+    /// Version that made them.
+    pub program: String,
 }
 
 /// A job that is expected to take a second longer lets pass what comes up to this many seconds later: so
@@ -62,6 +101,55 @@ impl NewJob {
         let later = i64::try_from((self.expected * PATIENCE).as_millis()).unwrap_or(i64::MAX);
         self.created_at.as_millisecond().saturating_add(later)
     }
+}
+
+/// What may wait.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct QueueLimits {
+    /// Jobs of all tenants.
+    pub jobs: u64,
+    /// Bytes of their masks.
+    pub bytes: u64,
+    /// How much of both one tenant may take, percent.
+    pub share_percent: u8,
+}
+
+impl QueueLimits {
+    /// Fails when a job with a mask of `bytes` bytes more would be too much beside what waits.
+    ///
+    /// # Errors
+    /// [`StoreError::QueueFull`] or [`StoreError::ShareFull`].
+    pub fn check(&self, load: &QueueLoad, bytes: u64) -> Result<(), StoreError> {
+        let share = |limit: u64| (u128::from(limit) * u128::from(self.share_percent)).div_ceil(100);
+        if load.jobs >= self.jobs || load.bytes.saturating_add(bytes) > self.bytes {
+            return Err(StoreError::QueueFull);
+        }
+        let is_over = u128::from(load.own_jobs) >= share(self.jobs)
+            || u128::from(load.own_bytes.saturating_add(bytes)) > share(self.bytes);
+        if is_over { Err(StoreError::ShareFull) } else { Ok(()) }
+    }
+}
+
+/// What waits.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct QueueLoad {
+    /// Jobs of all tenants.
+    pub jobs: u64,
+    /// Bytes of their masks.
+    pub bytes: u64,
+    /// Jobs of the tenant that was asked for.
+    pub own_jobs: u64,
+    /// Bytes of its masks.
+    pub own_bytes: u64,
+}
+
+/// What became of a job to be kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Inserted {
+    /// It is kept.
+    New,
+    /// The same request was kept before, under the same idempotency key.
+    Known(JobId),
 }
 
 /// The right to write one job's outcome. The token is the fence: a worker that lost its lease
@@ -92,6 +180,8 @@ pub enum Outcome {
         results: Vec<ResultFile>,
         /// What its reader should know.
         warnings: Vec<JobWarning>,
+        /// Version of the program that made them.
+        program: String,
     },
     /// With an error.
     Failed(Box<Problem>),
@@ -112,70 +202,200 @@ pub enum CancelAnswer {
     NotFound,
 }
 
+/// What a request to run a job again came to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RetryAnswer {
+    /// It waits again.
+    Queued,
+    /// It has not failed and was not canceled.
+    NotRetryable(JobState),
+    /// Its mask is erased.
+    MaskErased,
+    /// There is no such job.
+    NotFound,
+}
+
 /// Which running jobs are taken from their workers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Reclaim {
-    /// All: at the start, when no worker can be left.
-    All,
+pub enum Reclaim<'a> {
+    /// Those of a process that is gone.
+    Instance(&'a str),
     /// Those whose lease ran out before this time.
     LeaseBefore(Timestamp),
 }
 
+/// A running job as its own process has to see it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Held {
+    /// The right that the store knows.
+    pub lease: Lease,
+    /// Whether its client asked to stop it.
+    pub cancel_requested: bool,
+}
+
 /// Which jobs to list, newest first.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct ListQuery {
+    /// Only those of this tenant.
+    pub owner: String,
     /// Only those in this state.
     pub state: Option<JobState>,
+    /// Only those with this label: name and value.
+    pub label: Option<(String, String)>,
     /// Only those that came before this one.
     pub before: Option<JobId>,
     /// At most this many.
     pub limit: u32,
 }
 
-/// Keeps jobs. Every call is atomic, and durable when it returns.
+/// What of a job's files may not be swept.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct KeptFiles {
+    /// The job.
+    pub id: JobId,
+    /// Whether its mask is kept.
+    pub mask: bool,
+    /// Attempts whose files are published or being made.
+    pub tokens: Vec<String>,
+}
+
+/// A webhook whose time has come.
+#[derive(Clone, Debug)]
+pub struct DueCallback {
+    /// The job it tells of, ended.
+    pub job: Job,
+    /// Where to.
+    pub url: String,
+    /// Tries so far.
+    pub tries: u32,
+}
+
+/// How a job's webhook goes on after a try.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CallbackNext {
+    /// It arrived.
+    Delivered,
+    /// Once more at this time.
+    TryAt(Timestamp),
+    /// No more.
+    GiveUp,
+}
+
+/// Jobs from the view of clients.
 #[async_trait]
 pub trait JobStore: Send + Sync {
-    /// Keeps a job as queued unless `max_queued` wait already.
-    async fn insert(&self, job: &NewJob, max_queued: u64) -> Result<(), StoreError>;
+    /// Keeps a job as queued, or as succeeded when its results are reused. Says so when its
+    /// idempotency key is known.
+    async fn insert(&self, job: &NewJob, limits: QueueLimits) -> Result<Inserted, StoreError>;
 
     /// One job.
     async fn get(&self, id: JobId) -> Result<Option<Job>, StoreError>;
 
     /// Some jobs, newest first.
-    async fn list(&self, query: ListQuery) -> Result<Vec<Job>, StoreError>;
+    async fn list(&self, query: &ListQuery) -> Result<Vec<Job>, StoreError>;
 
-    /// Jobs that wait.
-    async fn count_queued(&self) -> Result<u64, StoreError>;
+    /// The job that a tenant sent under an idempotency key.
+    async fn find_key(&self, owner: &str, key: &str) -> Result<Option<JobId>, StoreError>;
 
-    /// Jobs that wait and came before this one.
+    /// The newest job of a tenant that succeeded with equal work, whose results are kept and were
+    /// made by this version of the program.
+    async fn find_equal(&self, owner: &str, work_sha256: &str, program: &str) -> Result<Option<Job>, StoreError>;
+
+    /// Asks for the end of a job.
+    async fn cancel(&self, id: JobId, now: Timestamp) -> Result<CancelAnswer, StoreError>;
+
+    /// Puts a failed or canceled job back into the queue, its attempts counted anew.
+    async fn retry(&self, id: JobId, now: Timestamp, limits: QueueLimits) -> Result<RetryAnswer, StoreError>;
+
+    /// Forgets a job, running or not; `false` when there is none.
+    async fn delete(&self, id: JobId) -> Result<bool, StoreError>;
+}
+
+/// Jobs from the view of workers.
+#[async_trait]
+pub trait QueueStore: Send + Sync {
+    /// What waits, of all and of one tenant.
+    async fn load(&self, owner: &str) -> Result<QueueLoad, StoreError>;
+
+    /// When the job arrived that has waited longest.
+    async fn oldest_queued(&self) -> Result<Option<Timestamp>, StoreError>;
+
+    /// Jobs that wait and whose turn comes before this one's.
     async fn count_queued_before(&self, id: JobId) -> Result<u64, StoreError>;
 
-    /// Gives the oldest waiting job away under a new lease that ends at `until`.
-    async fn claim(&self, now: Timestamp, until: Timestamp) -> Result<Option<Claim>, StoreError>;
+    /// Gives a waiting job to `instance` under a new lease that ends at `until`: of the tenants
+    /// that have the fewest running the one whose turn comes first.
+    async fn claim(&self, instance: &str, now: Timestamp, until: Timestamp) -> Result<Option<Claim>, StoreError>;
 
-    /// Keeps a lease until a later time; `true` when the client asked to cancel meanwhile.
-    async fn extend(&self, lease: &Lease, until: Timestamp) -> Result<bool, StoreError>;
+    /// Keeps a lease until a later time.
+    async fn extend(&self, lease: &Lease, until: Timestamp) -> Result<(), StoreError>;
+
+    /// All that `instance` runs.
+    async fn held_by(&self, instance: &str) -> Result<Vec<Held>, StoreError>;
 
     /// Writes the outcome and ends the lease.
     async fn finish(&self, lease: &Lease, outcome: &Outcome, now: Timestamp) -> Result<(), StoreError>;
 
     /// Puts a job back that its worker could not finish through no fault of the job: the attempt
     /// does not count.
-    async fn release(&self, lease: &Lease) -> Result<(), StoreError>;
+    async fn release(&self, lease: &Lease, now: Timestamp) -> Result<(), StoreError>;
 
     /// Takes running jobs from workers that are gone: back to queued, failed after
-    /// [`MAX_ATTEMPTS`], canceled where that was asked for. Says how many.
-    async fn reclaim(&self, which: Reclaim, now: Timestamp) -> Result<u64, StoreError>;
+    /// [`MAX_ATTEMPTS`], canceled where that was asked for. Says which, and their states.
+    async fn reclaim(&self, which: Reclaim<'_>, now: Timestamp) -> Result<Vec<(JobId, JobState)>, StoreError>;
+}
 
-    /// Asks for the end of a job.
-    async fn cancel(&self, id: JobId, now: Timestamp) -> Result<CancelAnswer, StoreError>;
+/// What is erased in time.
+#[async_trait]
+pub trait RetentionStore: Send + Sync {
+    /// Marks masks of jobs that ended before this time as erased; at most `limit`.
+    async fn expire_masks(&self, ended_before: Timestamp, limit: u32) -> Result<Vec<JobId>, StoreError>;
 
-    /// Forgets a job, running or not; `false` when there is none.
-    async fn delete(&self, id: JobId) -> Result<bool, StoreError>;
+    /// Marks the mask of one job as erased.
+    async fn forget_mask(&self, id: JobId) -> Result<(), StoreError>;
 
-    /// Every job with the attempt whose files are published: what may not be swept.
-    async fn kept_files(&self) -> Result<Vec<(JobId, Option<String>)>, StoreError>;
+    /// Marks results of jobs that ended before this time as erased; at most `limit`.
+    async fn expire_results(&self, ended_before: Timestamp, limit: u32) -> Result<Vec<JobId>, StoreError>;
 
+    /// Forgets jobs that ended before this time; at most `limit`.
+    async fn expire_jobs(&self, ended_before: Timestamp, limit: u32) -> Result<Vec<JobId>, StoreError>;
+
+    /// What may not be swept.
+    async fn kept_files(&self) -> Result<Vec<KeptFiles>, StoreError>;
+}
+
+/// Webhooks under way.
+#[async_trait]
+pub trait CallbackStore: Send + Sync {
+    /// A webhook whose time has come, given to the caller until `until`.
+    async fn claim_callback(&self, now: Timestamp, until: Timestamp) -> Result<Option<DueCallback>, StoreError>;
+
+    /// Writes what came of a try.
+    async fn callback_tried(&self, id: JobId, tried: &CallbackTry, next: CallbackNext) -> Result<(), StoreError>;
+}
+
+/// Access tokens.
+#[async_trait]
+pub trait TokenStore: Send + Sync {
+    /// Keeps a new token.
+    async fn insert_token(&self, token: &StoredToken) -> Result<(), StoreError>;
+
+    /// The token with this public half.
+    async fn get_token(&self, id: &str) -> Result<Option<StoredToken>, StoreError>;
+
+    /// All tokens, oldest first, revoked ones too.
+    async fn list_tokens(&self) -> Result<Vec<StoredToken>, StoreError>;
+
+    /// Whether there ever was a token: from then on nobody is let in without.
+    async fn has_tokens(&self) -> Result<bool, StoreError>;
+
+    /// Revokes a token; `false` when there is none, or it was revoked before.
+    async fn revoke_token(&self, id: &str, now: Timestamp) -> Result<bool, StoreError>;
+}
+
+/// Keeps jobs and tokens. Every call is atomic, and durable when it returns.
+#[async_trait]
+pub trait Store: JobStore + QueueStore + RetentionStore + CallbackStore + TokenStore {
     /// Fails unless the store can be written to.
     async fn check_writable(&self) -> Result<(), StoreError>;
 

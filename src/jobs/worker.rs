@@ -1,34 +1,37 @@
 //! The workers: each claims a job, runs it on a blocking thread, and writes its outcome.
-//!
-//! A lease bounds how long a job is held by a worker that is gone. The heartbeat extends the
-//! leases of what runs here, and gives jobs whose lease ran out to whoever is alive.
 
+use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use jiff::{SignedDuration, Timestamp};
 use tokio::task::{JoinHandle, spawn_blocking};
-use tokio::time::{Instant, MissedTickBehavior, interval, sleep, timeout, timeout_at};
+use tokio::time::{Instant, sleep, timeout, timeout_at};
 use tokio_util::sync::CancellationToken;
+use tracing::{Instrument, info_span};
 
-use super::blobs::Blobs;
-use super::job::{Job, JobId, JobWarning, RequestedParams, ResultFile};
-use super::process::{Artifact, InputLimits, ProcessError, Processed};
-use super::queue::{Jobs, JobsError, Running};
-use super::store::{Claim, Outcome, Reclaim, StoreError};
+use super::blobs::LocalMask;
+use super::caller::Caller;
+use super::job::{Job, JobWarning, RequestedParams, ResultFile};
+use super::process::{Artifact, InputLimits, ProcessError, Processed, sha256_of_file};
+use super::queue::{Jobs, JobsError};
+use super::running::Running;
+use super::store::{Claim, Outcome, StoreError};
+use super::submission::PROGRAM;
+use super::{beat, callbacks, retention};
+use crate::audit::Action;
 use crate::pipeline::observer::{Observer, Warning};
 use crate::pipeline::params::CheckedParams;
 use crate::problem::Problem;
 
 /// How long a silent worker keeps its job. Three heartbeats, so that one may be lost.
-const LEASE: SignedDuration = SignedDuration::from_secs(30);
-/// How often leases are extended.
-const HEARTBEAT: Duration = Duration::from_secs(10);
-/// How often an idle worker looks for jobs though nobody woke it.
-const IDLE_POLL: Duration = Duration::from_secs(5);
+pub(super) const LEASE: SignedDuration = SignedDuration::from_secs(30);
+/// How often an idle worker looks for jobs though nobody woke it: another process may have taken
+/// them in.
+const IDLE_POLL: Duration = Duration::from_secs(1);
 /// Tries at writing an outcome before it is left to the end of the lease.
 const FINISH_TRIES: u32 = 5;
 /// How long runs that were put back may take to notice.
@@ -40,11 +43,11 @@ pub type Processor = Arc<
     dyn Fn(&Path, &CheckedParams, InputLimits, &Path, &dyn Observer) -> Result<Processed, ProcessError> + Send + Sync,
 >;
 
-/// Workers under way.
+/// Workers under way, and what keeps house beside them.
 pub struct Workers {
     jobs: Arc<Jobs>,
     tasks: Vec<JoinHandle<()>>,
-    heartbeat: JoinHandle<()>,
+    housekeeping: Vec<JoinHandle<()>>,
     stop: CancellationToken,
 }
 
@@ -62,13 +65,19 @@ impl Workers {
             })
         };
         let tasks = (0..count).map(spawn).collect();
-        let heartbeat = tokio::spawn(beat(Arc::clone(jobs)));
-        Self { jobs: Arc::clone(jobs), tasks, heartbeat, stop }
+        let housekeeping = vec![
+            tokio::spawn(beat::extend(Arc::clone(jobs))),
+            tokio::spawn(beat::watch(Arc::clone(jobs))),
+            tokio::spawn(retention::keep(Arc::clone(jobs))),
+            tokio::spawn(callbacks::send(Arc::clone(jobs))),
+        ];
+        Self { jobs: Arc::clone(jobs), tasks, housekeeping, stop }
     }
 
     /// Claims nothing more, waits for what runs, and puts back to the queue what does not end in
     /// time.
     pub async fn drain(mut self, patience: Duration) {
+        self.jobs.closing().cancel();
         self.stop.cancel();
         let deadline = Instant::now() + patience;
         for task in &mut self.tasks {
@@ -77,7 +86,7 @@ impl Workers {
             }
         }
         for running in self.jobs.all_running() {
-            let released = self.jobs.store().release(&running.lease).await;
+            let released = self.jobs.store().release(&running.lease, Timestamp::now()).await;
             tracing::info!(job = %running.lease.id, is_released = released.is_ok(), "job put back: the server stops");
             running.stop();
         }
@@ -88,11 +97,12 @@ impl Workers {
         };
         // A run that does not notice ends with the process; its row is queued already.
         let _ = timeout(LET_GO, let_go).await;
-        for task in self.tasks.into_iter().chain([self.heartbeat]).filter(|task| !task.is_finished()) {
+        for task in self.tasks.into_iter().chain(self.housekeeping).filter(|task| !task.is_finished()) {
             task.abort();
             // Once it has ended, so has its hold on the data directory.
             let _ = task.await;
         }
+        self.jobs.record(&Caller::default(), Action::Stopped, None, "ok");
         self.jobs.store().close().await;
     }
 }
@@ -119,11 +129,13 @@ async fn work(jobs: &Arc<Jobs>, processor: &Processor, stop: &CancellationToken)
     let mut ending: Option<Ending> = None;
     while !stop.is_cancelled() {
         let now = Timestamp::now();
-        match jobs.store().claim(now, now + LEASE).await {
+        match jobs.store().claim(jobs.instance().id(), now, now + LEASE).await {
             Ok(Some(claim)) => {
-                let ran = run(jobs, processor, claim).await;
+                let span = info_span!("job", job = %claim.job.id, trace_id = claim.job.trace_id);
+                let ran = run(jobs, processor, claim).instrument(span.clone()).await;
                 ended(jobs, ending.take()).await;
-                ending = Some((Arc::clone(&ran.running), tokio::spawn(end(Arc::clone(jobs), ran))));
+                let running = Arc::clone(&ran.running);
+                ending = Some((running, tokio::spawn(end(Arc::clone(jobs), ran).instrument(span))));
             }
             Ok(None) => wait(jobs, stop).await,
             Err(error) => {
@@ -168,24 +180,32 @@ async fn run(jobs: &Arc<Jobs>, processor: &Processor, claim: Claim) -> Ran {
     if is_unwanted(jobs, &job).await {
         running.stop();
     }
-    tracing::info!(job = %job.id, attempt = job.attempt, "job begun");
+    tracing::info!(attempt = job.attempt, "job begun");
+    if job.attempt == 1 {
+        jobs.metrics().waited(Timestamp::now().duration_since(job.created_at).as_secs_f64());
+    }
+    let begun = Instant::now();
     let outcome = run_blocking(jobs, processor, &job, &running).await;
+    jobs.metrics().ran(begun.elapsed().as_secs_f64());
     Ran { running, outcome }
 }
 
 /// Brings results to disk, then says that they are there.
 async fn end(jobs: Arc<Jobs>, ran: Ran) {
     let Ran { running, mut outcome } = ran;
-    if matches!(outcome, Outcome::Succeeded { .. }) {
-        let (blobs, lease) = (jobs.blobs().clone(), running.lease.clone());
-        let synced = spawn_blocking(move || blobs.sync_attempt(lease.id, &lease.token)).await;
-        if let Err(error) = synced.unwrap_or_else(|panic| Err(std::io::Error::other(panic))) {
-            outcome = storage_failed(running.lease.id, &error);
+    let lease = &running.lease;
+    if let Outcome::Succeeded { results, .. } = &outcome {
+        let names: Vec<&str> = results.iter().map(|file| file.name.as_str()).collect();
+        if let Err(error) = jobs.blobs().keep_results(lease.id, &lease.token, &names).await {
+            outcome = storage_failed(&error);
         }
     }
     let is_written = finish(&jobs, &running, &outcome).await;
     clean_up(&jobs, &running, &outcome, is_written).await;
     jobs.end(&running);
+    if is_written {
+        jobs.has_ended(lease.id).await;
+    }
 }
 
 async fn is_unwanted(jobs: &Jobs, job: &Job) -> bool {
@@ -193,46 +213,68 @@ async fn is_unwanted(jobs: &Jobs, job: &Job) -> bool {
 }
 
 async fn run_blocking(jobs: &Arc<Jobs>, processor: &Processor, job: &Job, running: &Arc<Running>) -> Outcome {
-    let attempt = Attempt {
-        blobs: jobs.blobs().clone(),
-        limits: jobs.limits().input,
-        job: job.clone(),
-        running: Arc::clone(running),
+    let mask = match jobs.blobs().local_mask(job.id).await {
+        Ok(mask) => mask,
+        Err(error) => return mask_lost(jobs, &error),
     };
-    let processor = Arc::clone(processor);
-    let ran = spawn_blocking(move || catch_unwind(AssertUnwindSafe(|| attempt.run(&processor)))).await;
-    ran.ok().and_then(Result::ok).unwrap_or_else(|| {
-        tracing::error!(job = %job.id, "the run panicked");
+    let attempt = Attempt { jobs: Arc::clone(jobs), job: job.clone(), mask, running: Arc::clone(running) };
+    let (processor, span) = (Arc::clone(processor), tracing::Span::current());
+    let ran = spawn_blocking(move || {
+        let _in_job = span.enter();
+        catch_unwind(AssertUnwindSafe(|| attempt.run(&processor)))
+    });
+    ran.await.ok().and_then(Result::ok).unwrap_or_else(|| {
+        tracing::error!("the run panicked");
         Outcome::Failed(Box::new(Problem::internal()))
     })
 }
 
 /// One run of one job, on a blocking thread.
 struct Attempt {
-    blobs: Blobs,
-    limits: InputLimits,
+    jobs: Arc<Jobs>,
     job: Job,
+    mask: LocalMask,
     running: Arc<Running>,
 }
 
 impl Attempt {
     fn run(&self, processor: &Processor) -> Outcome {
-        let (id, token) = (self.job.id, &self.running.lease.token);
         let params = match RequestedParams::parse(Some(self.job.params_json.as_bytes())) {
             Ok(params) => params,
             Err(error) => return Outcome::Failed(Box::new(Problem::from(&error))),
         };
-        let folder = match self.blobs.begin_attempt(id, token) {
+        match sha256_of_file(self.mask.path()) {
+            Ok(sha256) if sha256 == self.job.mask.sha256 => {}
+            Ok(_) => return mask_lost(&self.jobs, &io::Error::other("its hash is another")),
+            Err(error) => return mask_lost(&self.jobs, &error),
+        }
+        let folder = match self.jobs.blobs().begin_attempt(&self.running.lease.token) {
             Ok(folder) => folder,
-            Err(error) => return storage_failed(id, &error),
+            Err(error) => return storage_failed(&error),
         };
-        let mask = self.blobs.mask_path(id);
-        match processor(&mask, params.checked(), self.limits, &folder, &*self.running) {
-            Ok(processed) => succeeded(&processed),
+        self.process(processor, &params, &folder)
+    }
+
+    fn process(&self, processor: &Processor, params: &RequestedParams, folder: &PathBuf) -> Outcome {
+        let limits = self.jobs.limits();
+        match processor(self.mask.path(), params.checked(), limits.input, folder, &*self.running) {
+            Ok(processed) => {
+                for (stage, seconds) in &processed.stage_seconds {
+                    self.jobs.metrics().stage(stage.name(), *seconds);
+                }
+                succeeded(&processed)
+            }
+            Err(ProcessError::Cancelled) if self.running.took_too_long() => {
+                let detail = format!("the run took longer than {} s", limits.max_run.as_secs());
+                let problem = Problem::new(422, "run_too_long", detail);
+                Outcome::Failed(Box::new(
+                    problem.hint("crop the mask, set resolution_mm, or send fewer labels at once"),
+                ))
+            }
             Err(ProcessError::Cancelled) => Outcome::Canceled,
             Err(ProcessError::Problem(problem)) => {
                 if problem.status >= 500 {
-                    tracing::error!(job = %id, code = problem.code, "the run failed through our fault");
+                    tracing::error!(code = problem.code, "the run failed through our fault");
                 }
                 Outcome::Failed(problem)
             }
@@ -240,10 +282,19 @@ impl Attempt {
     }
 }
 
-fn storage_failed(job: JobId, error: &std::io::Error) -> Outcome {
-    tracing::error!(%job, %error, "results cannot be written");
-    let problem = if error.kind() == std::io::ErrorKind::StorageFull {
-        Problem::new(507, "storage_full", "the server has no room for the results")
+/// The mask is not there, or not what was sent: nothing is computed from it.
+fn mask_lost(jobs: &Jobs, error: &io::Error) -> Outcome {
+    tracing::error!(%error, "the stored mask is damaged");
+    jobs.metrics().damaged();
+    let problem = Problem::new(500, "mask_damaged", "the stored mask is not what was sent").hint("send it again");
+    Outcome::Failed(Box::new(problem))
+}
+
+fn storage_failed(error: &io::Error) -> Outcome {
+    tracing::error!(%error, "results cannot be written");
+    let is_full = matches!(error.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded);
+    let problem = if is_full {
+        Problem::new(507, "storage_full", "the server has no room for the results").hint("retry the job later")
     } else {
         Problem::internal()
     };
@@ -261,25 +312,27 @@ fn succeeded(processed: &Processed) -> Outcome {
     Outcome::Succeeded {
         results: processed.artifacts.iter().map(result).collect(),
         warnings: processed.warnings.iter().map(warning).collect(),
+        program: PROGRAM.to_owned(),
     }
 }
 
 /// Writes the outcome; `false` when the job is not this worker's any more or the store fails for
 /// good, so that the end of the lease decides.
 async fn finish(jobs: &Jobs, running: &Running, outcome: &Outcome) -> bool {
-    let id = running.lease.id;
     for tried in 1..=FINISH_TRIES {
         match jobs.store().finish(&running.lease, outcome, Timestamp::now()).await {
             Ok(()) => {
-                tracing::info!(job = %id, outcome = name(outcome), "job ended");
+                let (state, code) = name(outcome);
+                tracing::info!(state, code, "job ended");
+                jobs.metrics().ended(state, code);
                 return true;
             }
             Err(StoreError::StaleLease) => {
-                tracing::info!(job = %id, "outcome dropped: the job was given away or deleted");
+                tracing::info!("outcome dropped: the job was given away or deleted");
                 return false;
             }
             Err(error) => {
-                tracing::error!(job = %id, %error, tried, "outcome cannot be written");
+                tracing::error!(%error, tried, "outcome cannot be written");
                 sleep(Duration::from_millis(200) * tried).await;
             }
         }
@@ -287,53 +340,34 @@ async fn finish(jobs: &Jobs, running: &Running, outcome: &Outcome) -> bool {
     false
 }
 
-/// Removes what an attempt left that is not published, and everything of a job that is gone or
-/// whose mask was refused: the same mask would be refused again, so nobody needs it any more.
+/// Removes the attempt's scratch files, what it stored that is not published, everything of a job
+/// that is gone, and a mask that was refused: it would be refused again, so nobody needs it.
 async fn clean_up(jobs: &Jobs, running: &Running, outcome: &Outcome, is_written: bool) {
-    let id = running.lease.id;
-    let erased = match outcome {
-        Outcome::Succeeded { .. } if is_written => Ok(()),
-        Outcome::Failed(problem) if is_written && problem.status < 500 => jobs.erase(id).await,
-        _ if matches!(jobs.store().get(id).await, Ok(None)) => jobs.erase(id).await,
-        _ => erase_attempt(jobs, running).await,
+    let lease = running.lease.clone();
+    let (blobs, token) = (jobs.blobs().clone(), lease.token.clone());
+    let scratch = spawn_blocking(move || blobs.end_attempt(&token)).await;
+    let erased = async {
+        scratch??;
+        match outcome {
+            Outcome::Succeeded { .. } if is_written => return Ok(()),
+            Outcome::Failed(problem) if is_written && problem.status < 500 => jobs.forget_mask(lease.id).await,
+            _ => {}
+        }
+        if matches!(jobs.store().get(lease.id).await, Ok(None)) {
+            jobs.blobs().erase(lease.id).await?;
+        }
+        Ok::<_, JobsError>(jobs.blobs().erase_attempt(lease.id, &lease.token).await?)
     };
-    if let Err(error) = erased {
-        tracing::error!(job = %id, %error, "files cannot be removed; the next start sweeps them");
+    if let Err(error) = erased.await {
+        tracing::error!(%error, "files cannot be removed; they are swept later");
     }
 }
 
-async fn erase_attempt(jobs: &Jobs, running: &Running) -> Result<(), JobsError> {
-    let (blobs, lease) = (jobs.blobs().clone(), running.lease.clone());
-    Ok(spawn_blocking(move || blobs.erase_attempt(lease.id, &lease.token)).await??)
-}
-
-fn name(outcome: &Outcome) -> &str {
+/// State and code.
+fn name(outcome: &Outcome) -> (&'static str, &str) {
     match outcome {
-        Outcome::Succeeded { .. } => "succeeded",
-        Outcome::Failed(problem) => &problem.code,
-        Outcome::Canceled => "canceled",
-    }
-}
-
-async fn beat(jobs: Arc<Jobs>) {
-    let mut ticks = interval(HEARTBEAT);
-    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
-    loop {
-        ticks.tick().await;
-        for running in jobs.all_running() {
-            match jobs.store().extend(&running.lease, Timestamp::now() + LEASE).await {
-                Ok(false) => {}
-                Ok(true) | Err(StoreError::StaleLease) => running.stop(),
-                Err(error) => tracing::error!(job = %running.lease.id, %error, "lease cannot be extended"),
-            }
-        }
-        match jobs.store().reclaim(Reclaim::LeaseBefore(Timestamp::now()), Timestamp::now()).await {
-            Ok(0) => {}
-            Ok(count) => {
-                tracing::warn!(count, "jobs taken from workers that are gone");
-                jobs.wake_one();
-            }
-            Err(error) => tracing::error!(%error, "leases cannot be checked"),
-        }
+        Outcome::Succeeded { .. } => ("succeeded", ""),
+        Outcome::Failed(problem) => ("failed", &problem.code),
+        Outcome::Canceled => ("canceled", ""),
     }
 }

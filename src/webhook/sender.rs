@@ -118,6 +118,16 @@ impl SendError {
         }
     }
 
+    /// Status of the answer, where there was one.
+    #[must_use]
+    pub fn status(&self) -> Option<u16> {
+        match self {
+            Self::Redirected(status) | Self::RefusedStatus(status) => Some(*status),
+            Self::Gone => Some(410),
+            _ => None,
+        }
+    }
+
     /// Whether no further attempt is to be made.
     #[must_use]
     pub fn is_final(&self) -> bool {
@@ -181,6 +191,12 @@ impl Sender {
             client = client.add_root_certificate(root);
         }
         Ok(Self { client: client.build()?, targets, secret: config.secret })
+    }
+
+    /// Where messages may go.
+    #[must_use]
+    pub fn targets(&self) -> &Targets {
+        &self.targets
     }
 
     /// Sends `message` to `url`; the status of success.

@@ -207,7 +207,7 @@ async fn ready_means_that_work_can_be_done() {
 
     let server = Server::start(writes()).await;
     assert_eq!(server.get("/readyz").await.json()["status"], "ready");
-    std::fs::remove_dir(server.dir.path().join("incoming")).unwrap();
+    std::fs::remove_dir_all(server.dir.path().join("scratch")).unwrap();
     let problem = server.get("/readyz").await.is_problem(503, "not_ready");
     assert_eq!(problem.detail, "the data directory cannot be written");
     server.post("/v1/jobs", mask()).await.is_problem(500, "internal");

@@ -2,11 +2,15 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 use jiff::{SignedDuration, Timestamp};
-use medialrep::jobs::job::JobId;
-use medialrep::jobs::queue::{Jobs, OpenError};
+use medialrep::jobs::caller::Caller;
+use medialrep::jobs::job::{JobId, JobState};
+use medialrep::jobs::queue::Jobs;
+use medialrep::jobs::store::{Outcome, Reclaim};
 use medialrep::jobs::worker::{Processor, Workers};
+use medialrep::problem::Problem;
 use tempfile::TempDir;
 
 use crate::support::{Server, id_of, limits, mask, waits, writes};
@@ -23,8 +27,9 @@ async fn waiting_and_running_jobs_are_taken_up() {
     let server = Server::without_workers().await;
     let (running, waiting) = (server.submit().await, server.submit().await);
     let now = Timestamp::now();
-    // As if a worker had it: the server is killed before it can say what became of it.
-    server.jobs.store().claim(now, now + SignedDuration::from_secs(30)).await.unwrap();
+    // As if a server had it that was killed: its lock is free, its file is there.
+    std::fs::write(server.dir.path().join("instances/killed"), "").unwrap();
+    server.jobs.store().claim("killed", now, now + SignedDuration::from_secs(30)).await.unwrap();
     server.job_in(&running, "running").await;
     let (server, _workers) = restart(server.stop().await, &writes()).await;
     assert_eq!(server.job_in(&running, "succeeded").await["attempt"], 2);
@@ -69,8 +74,11 @@ async fn files_that_no_job_names_are_swept() {
     let mut kept = server.files();
     kept.retain(|file| !file.to_str().unwrap().contains(id_of(&gone)));
     let dir = server.stop().await;
-    std::fs::write(dir.path().join("incoming/cut-short"), mask()).unwrap();
+    std::fs::create_dir_all(dir.path().join("scratch/killed")).unwrap();
+    std::fs::write(dir.path().join("scratch/killed/upload-cut-short"), mask()).unwrap();
     std::fs::write(dir.path().join("masks/no-row"), mask()).unwrap();
+    // A draft of the object store, which it never lists.
+    std::fs::write(dir.path().join("masks/no-row#7"), mask()).unwrap();
     let attempt = dir.path().join("results").join(id_of(&done)).join("an-attempt-that-was-fenced-off");
     std::fs::create_dir_all(&attempt).unwrap();
     std::fs::write(attempt.join("model.glb"), b"x").unwrap();
@@ -83,7 +91,52 @@ async fn files_that_no_job_names_are_swept() {
 }
 
 #[tokio::test]
-async fn two_servers_cannot_share_a_folder() {
+async fn servers_that_share_a_folder_share_its_jobs() {
+    let gate = Arc::new(AtomicBool::new(false));
+    let first = Server::start(waits(&gate)).await;
+    let second = Arc::new(Jobs::open(first.dir.path(), limits(), None).await.unwrap());
+    let caller = Caller::default();
+    let job = first.submit().await;
+    first.job_in(&job, "running").await;
+    let id = JobId::parse(id_of(&job)).unwrap();
+    // What one does not run it can cancel all the same.
+    second.cancel(&caller, id).await.unwrap();
+    let ended = second.status_at_end(&caller, id, Duration::from_secs(5)).await.unwrap();
+    gate.store(true, Ordering::Relaxed);
+    assert_eq!(ended.job.state, JobState::Canceled);
+}
+
+#[tokio::test]
+async fn the_jobs_of_a_server_that_was_killed_are_taken_up_by_another_within_a_second() {
     let server = Server::without_workers().await;
-    assert!(matches!(Jobs::open(server.dir.path(), limits()).await, Err(OpenError::InUse)));
+    let job = server.submit().await;
+    std::fs::write(server.dir.path().join("instances/killed"), "").unwrap();
+    let now = Timestamp::now();
+    server.jobs.store().claim("killed", now, now + SignedDuration::from_secs(30)).await.unwrap();
+    let _workers = Workers::start(&server.jobs, &writes(), 1);
+    let begun = Instant::now();
+    assert_eq!(server.job_in(&job, "succeeded").await["attempt"], 2);
+    assert!(begun.elapsed() < Duration::from_secs(5), "{:?}", begun.elapsed());
+}
+
+#[tokio::test]
+async fn a_late_result_is_refused_and_swept() {
+    let gate = Arc::new(AtomicBool::new(false));
+    let slow = Server::start(waits(&gate)).await;
+    let job = slow.submit().await;
+    slow.job_when(&job, |now| now["progress"]["stage"] == "isomap").await;
+    // Its lease runs out, as when the process was stopped, and another one finishes first.
+    let later = Timestamp::now() + SignedDuration::from_secs(60);
+    slow.jobs.store().reclaim(Reclaim::LeaseBefore(later), Timestamp::now()).await.unwrap();
+    let other = Arc::new(Jobs::open(slow.dir.path(), limits(), None).await.unwrap());
+    let until = Timestamp::now() + SignedDuration::from_secs(60);
+    let claim = other.store().claim("other", Timestamp::now(), until).await.unwrap();
+    gate.store(true, Ordering::Relaxed);
+    let claim = claim.expect("nobody else has it");
+    let problem = Box::new(Problem::new(422, "the_other_one", "was first"));
+    other.store().finish(&claim.lease, &Outcome::Failed(problem), Timestamp::now()).await.unwrap();
+    tokio::time::sleep(Duration::from_millis(300)).await;
+    let ended = slow.get(&job).await.json();
+    assert_eq!((&ended["state"], &ended["error"]["code"]), (&"failed".into(), &"the_other_one".into()));
+    assert_eq!(slow.files(), [slow.mask_of(&job)]);
 }

@@ -5,42 +5,76 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use jiff::{SignedDuration, Timestamp};
-use medialrep::jobs::job::{JobId, JobState, JobWarning, MaskInfo, ResultFile};
+use medialrep::jobs::job::{
+    CallbackState, CallbackTry, Job, JobId, JobState, JobWarning, MaskInfo, RequestedParams, ResultFile,
+};
 use medialrep::jobs::sqlite::SqliteStore;
 use medialrep::jobs::store::{
-    CancelAnswer, JobStore, Lease, ListQuery, MAX_ATTEMPTS, NewJob, Outcome, Reclaim, StoreError,
+    CallbackNext, CancelAnswer, Held, Inserted, Lease, ListQuery, MAX_ATTEMPTS, NewJob, Outcome, QueueLimits, Reclaim,
+    RetryAnswer, Reused, Store, StoreError,
 };
+use medialrep::jobs::token::{Scope, Token};
 use medialrep::problem::Problem;
 use tempfile::TempDir;
 
 const LEASE: SignedDuration = SignedDuration::from_secs(30);
 
-async fn store() -> (TempDir, Arc<dyn JobStore>) {
+/// The one place that names a database: all that follows holds for any.
+async fn store() -> (TempDir, Arc<dyn Store>) {
     let dir = TempDir::new().unwrap();
     let store = SqliteStore::open(&dir.path().join("jobs.sqlite")).await.unwrap();
     (dir, Arc::new(store))
 }
 
-async fn insert(store: &dyn JobStore) -> JobId {
-    let id = JobId::now();
-    let mask = MaskInfo { sha256: "ab".repeat(32), bytes: 7 };
-    let job = NewJob { id, mask, params_json: "{}".to_owned(), created_at: Timestamp::now(), expected: Duration::ZERO };
-    store.insert(&job, 1000).await.unwrap();
-    id
+const LIMITS: QueueLimits = QueueLimits { jobs: 1000, bytes: 1 << 30, share_percent: 100 };
+
+fn new_job() -> NewJob {
+    NewJob {
+        id: JobId::now(),
+        owner: "one".to_owned(),
+        mask: MaskInfo { sha256: "ab".repeat(32), bytes: 7 },
+        params_json: RequestedParams::parse(None).unwrap().json().to_owned(),
+        labels: [("study".to_owned(), "liver".to_owned())].into(),
+        idempotency_key: None,
+        request_sha256: "request".to_owned(),
+        work_sha256: "work".to_owned(),
+        callback_url: None,
+        trace_id: "trace".to_owned(),
+        created_at: Timestamp::now(),
+        expected: Duration::ZERO,
+        reused: None,
+    }
 }
 
-async fn claim(store: &dyn JobStore) -> Option<Lease> {
+async fn insert(store: &dyn Store) -> JobId {
+    let job = new_job();
+    assert_eq!(store.insert(&job, LIMITS).await.unwrap(), Inserted::New);
+    job.id
+}
+
+async fn insert_of(store: &dyn Store, owner: &str) -> JobId {
+    let job = NewJob { owner: owner.to_owned(), ..new_job() };
+    store.insert(&job, LIMITS).await.unwrap();
+    job.id
+}
+
+async fn claim(store: &dyn Store) -> Option<Lease> {
     let now = Timestamp::now();
-    store.claim(now, now + LEASE).await.unwrap().map(|claim| claim.lease)
+    store.claim("here", now, now + LEASE).await.unwrap().map(|claim| claim.lease)
 }
 
-async fn state(store: &dyn JobStore, id: JobId) -> JobState {
+async fn get(store: &dyn Store, id: JobId) -> Job {
+    store.get(id).await.unwrap().unwrap()
+}
+
+async fn state(store: &dyn Store, id: JobId) -> JobState {
     store.get(id).await.unwrap().unwrap().state
 }
 
 fn succeeded() -> Outcome {
     let file = ResultFile { name: "a".into(), media_type: "b/c".into(), bytes: 1, sha256: "d".into() };
-    Outcome::Succeeded { results: vec![file], warnings: vec![JobWarning { code: "e".into(), message: "f".into() }] }
+    let warnings = vec![JobWarning { code: "e".into(), message: "f".into() }];
+    Outcome::Succeeded { results: vec![file], warnings, program: "1".into() }
 }
 
 #[tokio::test]
@@ -59,11 +93,10 @@ async fn short_jobs_pass_long_ones_but_not_for_ever() {
     let (_dir, store) = store().await;
     let start = Timestamp::now();
     let arrives = async |after_s: i64, expected_s: u64| {
-        let (id, mask) = (JobId::now(), MaskInfo { sha256: "ab".repeat(32), bytes: 7 });
         let created_at = start + SignedDuration::from_secs(after_s);
-        let expected = Duration::from_secs(expected_s);
-        store.insert(&NewJob { id, mask, params_json: "{}".to_owned(), created_at, expected }, 1000).await.unwrap();
-        id
+        let job = NewJob { created_at, expected: Duration::from_secs(expected_s), ..new_job() };
+        store.insert(&job, LIMITS).await.unwrap();
+        job.id
     };
     let long = arrives(0, 20).await;
     let short = arrives(1, 0).await;
@@ -126,15 +159,15 @@ async fn a_worker_that_lost_its_lease_changes_nothing() {
     let (_dir, store) = store().await;
     let id = insert(&*store).await;
     let late = claim(&*store).await.unwrap();
-    assert_eq!(store.reclaim(Reclaim::LeaseBefore(Timestamp::now()), Timestamp::now()).await.unwrap(), 0);
+    assert_eq!(store.reclaim(Reclaim::LeaseBefore(Timestamp::now()), Timestamp::now()).await.unwrap(), []);
     let later = Timestamp::now() + LEASE + LEASE;
-    assert_eq!(store.reclaim(Reclaim::LeaseBefore(later), later).await.unwrap(), 1);
+    assert_eq!(store.reclaim(Reclaim::LeaseBefore(later), later).await.unwrap(), [(id, JobState::Queued)]);
     let current = claim(&*store).await.unwrap();
     assert_eq!((current.id, current.token == late.token), (id, false));
     let now = Timestamp::now();
     assert!(matches!(store.finish(&late, &succeeded(), now).await, Err(StoreError::StaleLease)));
     assert!(matches!(store.extend(&late, now + LEASE).await, Err(StoreError::StaleLease)));
-    assert!(matches!(store.release(&late).await, Err(StoreError::StaleLease)));
+    assert!(matches!(store.release(&late, now).await, Err(StoreError::StaleLease)));
     assert_eq!(state(&*store, id).await, JobState::Running);
     store.finish(&current, &succeeded(), now).await.unwrap();
     assert!(matches!(store.finish(&current, &Outcome::Canceled, now).await, Err(StoreError::StaleLease)));
@@ -148,7 +181,9 @@ async fn a_job_that_takes_its_server_down_is_given_up() {
     for attempt in 1..=MAX_ATTEMPTS {
         claim(&*store).await.unwrap();
         assert_eq!(store.get(id).await.unwrap().unwrap().attempt, attempt);
-        assert_eq!(store.reclaim(Reclaim::All, Timestamp::now()).await.unwrap(), 1);
+        let state = if attempt < MAX_ATTEMPTS { JobState::Queued } else { JobState::Failed };
+        assert_eq!(store.reclaim(Reclaim::Instance("there"), Timestamp::now()).await.unwrap(), []);
+        assert_eq!(store.reclaim(Reclaim::Instance("here"), Timestamp::now()).await.unwrap(), [(id, state)]);
     }
     let job = store.get(id).await.unwrap().unwrap();
     assert_eq!((job.state, job.error.unwrap().code.as_str()), (JobState::Failed, "too_many_attempts"));
@@ -161,7 +196,7 @@ async fn a_released_job_keeps_its_attempts() {
     let id = insert(&*store).await;
     for _ in 0..2 * MAX_ATTEMPTS {
         let lease = claim(&*store).await.unwrap();
-        store.release(&lease).await.unwrap();
+        store.release(&lease, Timestamp::now()).await.unwrap();
     }
     let job = store.get(id).await.unwrap().unwrap();
     assert_eq!((job.state, job.attempt, job.started_at), (JobState::Queued, 0, None));
@@ -175,12 +210,14 @@ async fn cancelling_ends_what_waits_and_marks_what_runs() {
     let lease = claim(&*store).await.unwrap();
     assert_eq!(store.cancel(waiting, now).await.unwrap(), CancelAnswer::Canceled);
     assert_eq!(store.cancel(waiting, now).await.unwrap(), CancelAnswer::AlreadyEnded(JobState::Canceled));
-    assert!(!store.extend(&lease, now + LEASE).await.unwrap());
+    let held = |cancel_requested| [Held { lease: lease.clone(), cancel_requested }];
+    assert_eq!(store.held_by("here").await.unwrap(), held(false));
     assert_eq!(store.cancel(running, now).await.unwrap(), CancelAnswer::Requested);
-    assert!(store.extend(&lease, now + LEASE).await.unwrap());
+    assert_eq!(store.held_by("here").await.unwrap(), held(true));
+    assert_eq!(store.held_by("there").await.unwrap(), []);
     assert_eq!(store.cancel(JobId::now(), now).await.unwrap(), CancelAnswer::NotFound);
     // Its worker dies before it notices.
-    store.reclaim(Reclaim::All, now).await.unwrap();
+    store.reclaim(Reclaim::Instance("here"), now).await.unwrap();
     assert_eq!(state(&*store, running).await, JobState::Canceled);
     assert!(claim(&*store).await.is_none());
 }
@@ -190,24 +227,13 @@ async fn the_queue_is_bounded_under_parallel_inserts() {
     let (_dir, store) = store().await;
     let inserts = (0..20).map(|_| {
         let store = Arc::clone(&store);
-        tokio::spawn(async move {
-            let mask = MaskInfo { sha256: String::new(), bytes: 0 };
-            let id = JobId::now();
-            let job = NewJob {
-                id,
-                mask,
-                params_json: "{}".to_owned(),
-                created_at: Timestamp::now(),
-                expected: Duration::ZERO,
-            };
-            store.insert(&job, 7).await.is_ok()
-        })
+        tokio::spawn(async move { store.insert(&new_job(), QueueLimits { jobs: 7, ..LIMITS }).await.is_ok() })
     });
     let mut kept = 0;
     for insert in inserts.collect::<Vec<_>>() {
         kept += u64::from(insert.await.unwrap());
     }
-    assert_eq!((kept, store.count_queued().await.unwrap()), (7, 7));
+    assert_eq!((kept, store.load("one").await.unwrap().jobs), (7, 7));
 }
 
 #[tokio::test]
@@ -219,5 +245,199 @@ async fn a_deleted_job_is_gone_for_its_worker_too() {
     assert!(!store.delete(id).await.unwrap());
     assert!(store.get(id).await.unwrap().is_none());
     assert!(matches!(store.finish(&lease, &succeeded(), Timestamp::now()).await, Err(StoreError::StaleLease)));
-    assert!(store.list(ListQuery { limit: 9, ..ListQuery::default() }).await.unwrap().is_empty());
+    assert!(
+        store.list(&ListQuery { owner: "one".to_owned(), limit: 9, ..ListQuery::default() }).await.unwrap().is_empty()
+    );
+}
+
+#[tokio::test]
+async fn a_tenant_gets_its_share_of_the_queue_and_no_more() {
+    let (_dir, store) = store().await;
+    let limits = QueueLimits { jobs: 10, bytes: 100, share_percent: 30 };
+    for _ in 0..3 {
+        store.insert(&new_job(), limits).await.unwrap();
+    }
+    assert!(matches!(store.insert(&new_job(), limits).await, Err(StoreError::ShareFull)));
+    let other = |bytes| {
+        let mask = MaskInfo { sha256: String::new(), bytes };
+        NewJob { owner: "other".to_owned(), mask, ..new_job() }
+    };
+    assert!(matches!(store.insert(&other(31), limits).await, Err(StoreError::ShareFull)));
+    store.insert(&other(30), limits).await.unwrap();
+    let all = QueueLimits { share_percent: 100, ..limits };
+    assert!(matches!(store.insert(&other(50), all).await, Err(StoreError::QueueFull)));
+    let load = store.load("other").await.unwrap();
+    assert_eq!((load.jobs, load.bytes, load.own_jobs, load.own_bytes), (4, 51, 1, 30));
+}
+
+#[tokio::test]
+async fn a_flood_of_one_tenant_does_not_hold_up_the_others() {
+    let (_dir, store) = store().await;
+    let flood = [insert(&*store).await, insert(&*store).await, insert(&*store).await];
+    let late = insert_of(&*store, "other").await;
+    for id in [flood[0], late, flood[1], flood[2]] {
+        assert_eq!(claim(&*store).await.unwrap().id, id);
+    }
+}
+
+#[tokio::test]
+async fn an_idempotency_key_stands_for_one_request_of_one_tenant() {
+    let (_dir, store) = store().await;
+    let keyed = |owner: &str, request: &str| NewJob {
+        owner: owner.to_owned(),
+        request_sha256: request.to_owned(),
+        idempotency_key: Some("key".to_owned()),
+        ..new_job()
+    };
+    let first = keyed("one", "a");
+    assert_eq!(store.insert(&first, LIMITS).await.unwrap(), Inserted::New);
+    // Known although the queue is full.
+    let full = QueueLimits { jobs: 0, ..LIMITS };
+    assert_eq!(store.insert(&keyed("one", "a"), full).await.unwrap(), Inserted::Known(first.id));
+    assert!(matches!(store.insert(&keyed("one", "b"), LIMITS).await, Err(StoreError::KeyReused)));
+    assert_eq!(store.insert(&keyed("two", "b"), LIMITS).await.unwrap(), Inserted::New);
+    assert_eq!(store.find_key("one", "key").await.unwrap(), Some(first.id));
+    store.delete(first.id).await.unwrap();
+    assert_eq!(store.insert(&keyed("one", "b"), LIMITS).await.unwrap(), Inserted::New);
+}
+
+#[tokio::test]
+async fn only_kept_results_of_the_same_tenant_and_program_are_reused() {
+    let (_dir, store) = store().await;
+    let id = insert(&*store).await;
+    assert!(store.find_equal("one", "work", "1").await.unwrap().is_none());
+    let lease = claim(&*store).await.unwrap();
+    store.finish(&lease, &succeeded(), Timestamp::now()).await.unwrap();
+    assert_eq!(store.find_equal("one", "work", "1").await.unwrap().unwrap().id, id);
+    for (owner, work, program) in [("two", "work", "1"), ("one", "other", "1"), ("one", "work", "2")] {
+        assert!(store.find_equal(owner, work, program).await.unwrap().is_none(), "{owner} {work} {program}");
+    }
+    let reused = Reused { token: "t".into(), results: vec![], warnings: vec![], program: "1".into() };
+    let job = NewJob { reused: Some(reused), ..new_job() };
+    store.insert(&job, QueueLimits { jobs: 0, ..LIMITS }).await.unwrap();
+    let job = get(&*store, job.id).await;
+    assert_eq!((job.state, job.reused, job.results_token.as_deref()), (JobState::Succeeded, true, Some("t")));
+    assert!(job.ended_at.is_some() && claim(&*store).await.is_none());
+    let later = Timestamp::now() + LEASE;
+    assert_eq!(store.expire_results(later, 100).await.unwrap().len(), 2);
+    assert!(store.find_equal("one", "work", "1").await.unwrap().is_none());
+}
+
+#[tokio::test]
+async fn a_job_tells_its_history() {
+    let (_dir, store) = store().await;
+    let id = insert(&*store).await;
+    let lease = claim(&*store).await.unwrap();
+    store.release(&lease, Timestamp::now()).await.unwrap();
+    claim(&*store).await.unwrap();
+    store.reclaim(Reclaim::Instance("here"), Timestamp::now()).await.unwrap();
+    store.cancel(id, Timestamp::now()).await.unwrap();
+    store.retry(id, Timestamp::now(), LIMITS).await.unwrap();
+    let lease = claim(&*store).await.unwrap();
+    store.finish(&lease, &succeeded(), Timestamp::now()).await.unwrap();
+    let history = get(&*store, id).await.history;
+    let states: Vec<_> = history.iter().map(|change| change.state.name()).collect();
+    let expected = ["queued", "running", "queued", "running", "queued", "canceled", "queued", "running", "succeeded"];
+    assert_eq!(states, expected);
+    assert!(history.is_sorted_by_key(|change| change.at));
+}
+
+#[tokio::test]
+async fn what_failed_or_was_canceled_can_be_run_again() {
+    let (_dir, store) = store().await;
+    let now = Timestamp::now();
+    let id = insert(&*store).await;
+    assert_eq!(store.retry(id, now, LIMITS).await.unwrap(), RetryAnswer::NotRetryable(JobState::Queued));
+    let lease = claim(&*store).await.unwrap();
+    store.finish(&lease, &Outcome::Failed(Box::new(Problem::internal())), now).await.unwrap();
+    assert!(matches!(store.retry(id, now, QueueLimits { jobs: 0, ..LIMITS }).await, Err(StoreError::QueueFull)));
+    assert_eq!(store.retry(id, now, LIMITS).await.unwrap(), RetryAnswer::Queued);
+    let job = get(&*store, id).await;
+    assert_eq!((job.state, job.attempt, job.error, job.ended_at), (JobState::Queued, 0, None, None));
+    store.cancel(id, now).await.unwrap();
+    store.forget_mask(id).await.unwrap();
+    assert_eq!(store.retry(id, now, LIMITS).await.unwrap(), RetryAnswer::MaskErased);
+    assert_eq!(store.retry(JobId::now(), now, LIMITS).await.unwrap(), RetryAnswer::NotFound);
+}
+
+#[tokio::test]
+async fn jobs_are_listed_by_tenant_state_and_label() {
+    let (_dir, store) = store().await;
+    let (first, second) = (insert(&*store).await, insert(&*store).await);
+    insert_of(&*store, "two").await;
+    store.cancel(first, Timestamp::now()).await.unwrap();
+    let list = async |state, label: Option<(&str, &str)>| {
+        let label = label.map(|(name, value)| (name.to_owned(), value.to_owned()));
+        let query = ListQuery { owner: "one".to_owned(), state, label, before: None, limit: 9 };
+        let jobs = store.list(&query).await.unwrap();
+        jobs.into_iter().map(|job| job.id).collect::<Vec<_>>()
+    };
+    assert_eq!(list(None, None).await, [second, first]);
+    assert_eq!(list(Some(JobState::Canceled), None).await, [first]);
+    assert_eq!(list(None, Some(("study", "liver"))).await, [second, first]);
+    assert_eq!(list(None, Some(("study", "kidney"))).await, []);
+    store.delete(second).await.unwrap();
+    assert_eq!(list(None, Some(("study", "liver"))).await, [first]);
+}
+
+#[tokio::test]
+async fn what_is_old_is_given_out_to_be_erased_once() {
+    let (_dir, store) = store().await;
+    let (done, waiting) = (insert(&*store).await, insert(&*store).await);
+    let lease = claim(&*store).await.unwrap();
+    store.finish(&lease, &succeeded(), Timestamp::now()).await.unwrap();
+    let (early, late) = (Timestamp::now() - LEASE, Timestamp::now() + LEASE);
+    assert_eq!(store.expire_masks(early, 9).await.unwrap(), []);
+    let kept = store.kept_files().await.unwrap();
+    assert!(kept.iter().all(|files| files.mask));
+    assert_eq!(kept.iter().find(|files| files.id == done).unwrap().tokens, std::slice::from_ref(&lease.token));
+    assert_eq!(store.expire_masks(late, 9).await.unwrap(), [done]);
+    assert_eq!(store.expire_masks(late, 9).await.unwrap(), []);
+    assert_eq!(store.expire_results(late, 9).await.unwrap(), [done]);
+    assert_eq!(store.expire_results(late, 9).await.unwrap(), []);
+    let kept = store.kept_files().await.unwrap();
+    let of_done = kept.iter().find(|files| files.id == done).unwrap();
+    assert!(!of_done.mask && of_done.tokens.is_empty());
+    assert_eq!(store.expire_jobs(late, 9).await.unwrap(), [done]);
+    assert!(store.get(done).await.unwrap().is_none() && store.get(waiting).await.unwrap().is_some());
+}
+
+#[tokio::test]
+async fn a_webhook_is_due_from_the_end_of_its_job_until_it_arrives() {
+    let (_dir, store) = store().await;
+    let job = NewJob { callback_url: Some("https://hook.example/".to_owned()), ..new_job() };
+    store.insert(&job, LIMITS).await.unwrap();
+    let soon = || Timestamp::now() + SignedDuration::from_secs(1);
+    let callback = async || get(&*store, job.id).await.callback.unwrap();
+    assert_eq!(callback().await.state, CallbackState::Waiting);
+    assert!(store.claim_callback(soon(), soon() + LEASE).await.unwrap().is_none());
+    let lease = claim(&*store).await.unwrap();
+    store.finish(&lease, &succeeded(), Timestamp::now()).await.unwrap();
+    let due = store.claim_callback(soon(), soon() + LEASE).await.unwrap().unwrap();
+    assert_eq!((due.job.id, due.tries, due.url.as_str()), (job.id, 0, "https://hook.example/"));
+    // Given away until its time is over.
+    assert!(store.claim_callback(soon(), soon() + LEASE).await.unwrap().is_none());
+    let tried = |status| CallbackTry { at: Timestamp::now(), status, error: None };
+    store.callback_tried(job.id, &tried(None), CallbackNext::TryAt(Timestamp::now())).await.unwrap();
+    assert_eq!(store.claim_callback(soon(), soon() + LEASE).await.unwrap().unwrap().tries, 1);
+    store.callback_tried(job.id, &tried(Some(204)), CallbackNext::Delivered).await.unwrap();
+    let told = callback().await;
+    assert_eq!((told.state, told.log.len(), told.log[1].status), (CallbackState::Delivered, 2, Some(204)));
+    assert!(store.claim_callback(soon() + LEASE + LEASE, soon() + LEASE).await.unwrap().is_none());
+}
+
+#[tokio::test]
+async fn tokens_are_kept_without_their_secret_until_revoked() {
+    let (_dir, store) = store().await;
+    assert!(!store.has_tokens().await.unwrap());
+    let token = Token::new().unwrap();
+    let stored = token.stored("radiology".to_owned(), vec![Scope::Read, Scope::Metrics], None);
+    store.insert_token(&stored).await.unwrap();
+    let found = store.get_token(&token.id).await.unwrap().unwrap();
+    assert!(found.is_secret(token.secret()) && found.is_valid_at(Timestamp::now()));
+    assert_eq!((&found.tenant, &found.scopes), (&stored.tenant, &stored.scopes));
+    assert!(store.revoke_token(&token.id, Timestamp::now()).await.unwrap());
+    assert!(!store.revoke_token(&token.id, Timestamp::now()).await.unwrap());
+    assert!(!store.list_tokens().await.unwrap()[0].is_valid_at(Timestamp::now()));
+    assert!(store.has_tokens().await.unwrap() && store.get_token("other").await.unwrap().is_none());
 }

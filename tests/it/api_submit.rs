@@ -63,10 +63,10 @@ async fn what_was_accepted_is_on_disk() {
     let job = server.submit().await;
     assert_eq!(std::fs::read(server.mask_of(&job)).unwrap(), mask());
     // Opened anew as another process would, without closing the first.
-    let path = server.jobs.blobs().database_path();
+    let path = medialrep::jobs::blobs::Blobs::database_path(server.dir.path());
     let store = medialrep::jobs::sqlite::SqliteStore::open(&path).await.unwrap();
-    let kept = medialrep::jobs::store::JobStore::kept_files(&store).await.unwrap();
-    assert_eq!(kept[0].0.to_string(), id_of(&job));
+    let kept = medialrep::jobs::store::RetentionStore::kept_files(&store).await.unwrap();
+    assert_eq!(kept[0].id.to_string(), id_of(&job));
 }
 
 #[tokio::test]

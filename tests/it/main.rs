@@ -53,7 +53,19 @@ mod audit_log;
 
 mod support;
 
+mod process;
+
+mod soak;
+
 mod api_submit;
+
+mod api_service;
+
+mod api_access;
+
+mod api_webhooks;
+
+mod cli_operate;
 
 mod api_jobs;
 

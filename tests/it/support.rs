@@ -10,12 +10,14 @@ use axum::body::Body;
 use axum::http::{HeaderMap, Method, Request, StatusCode};
 use http_body_util::BodyExt;
 use medialrep::config::ServeConfig;
+use medialrep::http::auth::Access;
 use medialrep::http::router;
 use medialrep::jobs::process::{Artifact, ProcessError, Processed};
 use medialrep::jobs::queue::{JobLimits, Jobs};
 use medialrep::jobs::worker::{Processor, Workers};
 use medialrep::pipeline::observer::{Stage, Warning};
 use medialrep::problem::Problem;
+use medialrep::webhook::Sender;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 use tempfile::TempDir;
@@ -27,7 +29,8 @@ pub const CANARY: &str = "CANARY_DOE_JANE";
 /// Bounds of a service in tests: small, so that they can be reached.
 pub fn limits() -> JobLimits {
     let mut limits = ServeConfig::default().jobs;
-    limits.max_queued = 5;
+    limits.queue.jobs = 5;
+    limits.min_free_bytes = 0;
     limits.upload.max_bytes = 4096;
     limits.upload.idle = Duration::from_millis(200);
     limits
@@ -45,7 +48,7 @@ impl Server {
     /// With two workers.
     pub async fn start(processor: Processor) -> Self {
         let mut server = Self::without_workers().await;
-        server.workers = Some(Workers::start(&server.jobs, &processor, 2));
+        server.run(&processor);
         server
     }
 
@@ -56,9 +59,20 @@ impl Server {
 
     /// On a folder that has been used before.
     pub async fn open(dir: TempDir) -> Self {
+        Self::open_with(dir, limits(), None).await
+    }
+
+    /// With other bounds, and webhooks.
+    pub async fn open_with(dir: TempDir, limits: JobLimits, webhooks: Option<Sender>) -> Self {
         keep_log();
-        let jobs = Arc::new(Jobs::open(dir.path(), limits()).await.unwrap());
-        Self { router: router(Arc::clone(&jobs)), workers: None, jobs, dir }
+        let jobs = Arc::new(Jobs::open(dir.path(), limits, webhooks).await.unwrap());
+        let access = Access { cors_origins: vec!["https://viewer.example.org".to_owned()], is_local: true };
+        Self { router: router(Arc::clone(&jobs), access), workers: None, jobs, dir }
+    }
+
+    /// Lets jobs run from now on.
+    pub fn run(&mut self, processor: &Processor) {
+        self.workers = Some(Workers::start(&self.jobs, processor, 2));
     }
 
     /// Stops as a server does that is told to, and gives the folder back.
@@ -76,6 +90,12 @@ impl Server {
         Answer { status: parts.status, headers: parts.headers, body }
     }
 
+    /// The head of an answer whose body goes on until this is dropped.
+    pub async fn begin(&self, path: &str) -> axum::response::Response {
+        let request = Request::get(path).body(Body::empty()).unwrap();
+        self.router.clone().oneshot(request).await.unwrap()
+    }
+
     pub async fn call(&self, method: Method, path: &str) -> Answer {
         self.send(Request::builder().method(method).uri(path).body(Body::empty()).unwrap()).await
     }
@@ -88,9 +108,16 @@ impl Server {
         self.send(Request::post(path).body(Body::from(body)).unwrap()).await
     }
 
-    /// Sends a good mask; the path of its job.
+    /// Sends a request with headers.
+    pub async fn with(&self, method: Method, path: &str, headers: &[(&str, &str)], body: Vec<u8>) -> Answer {
+        let request = Request::builder().method(method).uri(path);
+        let request = headers.iter().fold(request, |request, (name, value)| request.header(*name, *value));
+        self.send(request.body(Body::from(body)).unwrap()).await
+    }
+
+    /// Sends a good mask that is to be worked on anew; the path of its job.
     pub async fn submit(&self) -> String {
-        let answer = self.post("/v1/jobs", mask()).await;
+        let answer = self.with(Method::POST, "/v1/jobs", &[("cache-control", "no-cache")], mask()).await;
         assert_eq!(answer.status, StatusCode::ACCEPTED, "{}", answer.text());
         answer.header("location").to_owned()
     }
@@ -112,10 +139,10 @@ impl Server {
         self.job_when(job, |now| now["state"] == state).await
     }
 
-    /// Files of jobs, uploads under way included.
+    /// Files of jobs, uploads and attempts under way included.
     pub fn files(&self) -> Vec<PathBuf> {
         let mut files = Vec::new();
-        for folder in ["incoming", "masks", "results"] {
+        for folder in ["scratch", "masks", "results"] {
             collect(&self.dir.path().join(folder), &mut files);
         }
         files
@@ -127,8 +154,11 @@ impl Server {
 }
 
 fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
-    for entry in std::fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
+    let Ok(entries) = std::fs::read_dir(folder) else { return };
+    for entry in entries {
+        // Files of runs under way come and go.
+        let Ok(entry) = entry else { continue };
+        let path = entry.path();
         if path.is_dir() { collect(&path, files) } else { files.push(path) }
     }
 }
@@ -214,7 +244,11 @@ pub fn writes() -> Processor {
             Artifact { name, media_type, bytes: content.len() as u64, sha256 }
         });
         let warning = Warning { code: "thin", message: "a place is thin".to_owned() };
-        Ok(Processed { artifacts: artifacts.to_vec(), warnings: vec![warning] })
+        Ok(Processed {
+            artifacts: artifacts.to_vec(),
+            warnings: vec![warning],
+            stage_seconds: vec![(Stage::Isomap, 0.5)],
+        })
     })
 }
 

@@ -1,0 +1,148 @@
+//! `medialrep token`: who may use the service. Works on the data directory, beside a running
+//! service, which heeds it at once.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Duration;
+
+use anyhow::Context;
+use jiff::Timestamp;
+
+use super::{complain, exit};
+use crate::audit::{Action, Audit, Entry};
+use crate::jobs::blobs::Blobs;
+use crate::jobs::sqlite::SqliteStore;
+use crate::jobs::store::TokenStore;
+use crate::jobs::token::{Scope, StoredToken, Token, check_tenant};
+use crate::jobs::{audit_path, make_private};
+
+/// What to do with tokens.
+#[derive(Debug, clap::Subcommand)]
+pub enum TokenCommand {
+    /// Make a token and print it: it is shown this once. From the first one on nobody is let in without.
+    Create(CreateArgs),
+    /// List all tokens, revoked ones too; never their secrets
+    List(DataArgs),
+    /// Revoke a token; the next request with it is refused
+    Revoke(RevokeArgs),
+}
+
+/// Where the tokens are.
+#[derive(Debug, clap::Args)]
+pub struct DataArgs {
+    /// The service's data directory.
+    #[arg(long, env = "MEDIALREP_DATA_DIR", default_value = "data", value_name = "DIR")]
+    data_dir: PathBuf,
+}
+
+/// A token to be made.
+#[derive(Debug, clap::Args)]
+pub struct CreateArgs {
+    #[command(flatten)]
+    data: DataArgs,
+
+    /// Whose jobs it sees and sends. Tokens of one tenant see the same jobs, those of another none of them.
+    #[arg(long, value_name = "NAME", value_parser = check_tenant)]
+    tenant: String,
+
+    /// What it allows, separated by commas: read, write, metrics.
+    #[arg(long, value_delimiter = ',', default_value = "read,write", value_name = "SCOPES")]
+    scopes: Vec<Scope>,
+
+    /// When it ends by itself: 12h, 90days.
+    #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
+    expires_in: Option<Duration>,
+}
+
+/// A token to be revoked.
+#[derive(Debug, clap::Args)]
+pub struct RevokeArgs {
+    #[command(flatten)]
+    data: DataArgs,
+
+    /// Its id: the part between the underscores.
+    #[arg(value_name = "ID")]
+    id: String,
+}
+
+/// Does it.
+///
+/// # Errors
+/// When the data directory cannot be used.
+pub fn token(command: TokenCommand) -> anyhow::Result<ExitCode> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    runtime.block_on(async {
+        match command {
+            TokenCommand::Create(args) => create(args).await,
+            TokenCommand::List(args) => list(&args.data_dir).await,
+            TokenCommand::Revoke(args) => revoke(&args).await,
+        }
+    })
+}
+
+/// Whether there ever was a token in this data directory; makes nothing.
+///
+/// # Errors
+/// When there is a database and it cannot be read.
+pub(super) async fn has_tokens(data_dir: &Path) -> anyhow::Result<bool> {
+    if !Blobs::database_path(data_dir).exists() {
+        return Ok(false);
+    }
+    Ok(open(data_dir).await?.has_tokens().await?)
+}
+
+async fn open(data_dir: &Path) -> anyhow::Result<SqliteStore> {
+    let database = Blobs::database_path(data_dir);
+    for folder in [Some(data_dir), database.parent()].into_iter().flatten() {
+        make_private(folder).with_context(|| format!("cannot use {}", folder.display()))?;
+    }
+    SqliteStore::open(&database).await.with_context(|| format!("cannot use {}", database.display()))
+}
+
+async fn create(args: CreateArgs) -> anyhow::Result<ExitCode> {
+    let store = open(&args.data.data_dir).await?;
+    let token = Token::new().map_err(|error| anyhow::anyhow!("no random numbers: {error}"))?;
+    let expires_at = args.expires_in.map(|time| Timestamp::now().checked_add(time)).transpose()?;
+    let stored = token.stored(args.tenant, args.scopes, expires_at);
+    store.insert_token(&stored).await?;
+    record(&args.data.data_dir, Action::TokenCreated, &stored)?;
+    print(&token.reveal());
+    Ok(ExitCode::SUCCESS)
+}
+
+async fn list(data_dir: &Path) -> anyhow::Result<ExitCode> {
+    for token in open(data_dir).await?.list_tokens().await? {
+        let scopes: Vec<_> = token.scopes.iter().map(|scope| scope.name()).collect();
+        let end = match (token.revoked_at, token.expires_at) {
+            (Some(time), _) => format!("revoked {time}"),
+            (None, Some(time)) if time <= Timestamp::now() => format!("expired {time}"),
+            (None, Some(time)) => format!("expires {time}"),
+            (None, None) => "valid".to_owned(),
+        };
+        print(&format!("{}  {}  {}  made {}  {end}", token.id, token.tenant, scopes.join(","), token.created_at));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+async fn revoke(args: &RevokeArgs) -> anyhow::Result<ExitCode> {
+    let store = open(&args.data.data_dir).await?;
+    if !store.revoke_token(&args.id, Timestamp::now()).await? {
+        complain("there is no valid token of this id; see medialrep token list");
+        return Ok(ExitCode::from(exit::USAGE));
+    }
+    if let Some(stored) = store.get_token(&args.id).await? {
+        record(&args.data.data_dir, Action::TokenRevoked, &stored)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn record(data_dir: &Path, action: Action, token: &StoredToken) -> anyhow::Result<()> {
+    let entry =
+        Entry { tenant: Some(&token.tenant), token: Some(&token.id), action, job: None, outcome: "ok", trace_id: None };
+    Audit::open(&audit_path(data_dir))?.append(&entry).context("cannot write the audit log")
+}
+
+#[expect(clippy::print_stdout, reason = "this is what was asked for")]
+fn print(line: &str) {
+    println!("{line}");
+}

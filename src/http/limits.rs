@@ -1,0 +1,98 @@
+//! `/v1/limits`: what is taken in, how much of it, and how long it is kept.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::Json;
+use axum::extract::State;
+use serde::Serialize;
+
+use super::jobs::MAX_WAIT_S;
+use crate::jobs::process::ARTIFACTS;
+use crate::jobs::queue::Jobs;
+use crate::pipeline::params::LABEL_COUNT;
+
+/// Dimensions of a volume that carry the mask; further ones must be 1.
+const DIMENSIONS: u32 = 3;
+
+/// What bounds requests.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+pub struct Limits {
+    /// Files that are taken: told by their first bytes.
+    formats: [&'static str; 2],
+    /// Largest upload, bytes as sent.
+    max_upload_bytes: u64,
+    /// Longest silence during an upload, seconds.
+    upload_idle_seconds: u64,
+    /// Longest upload, seconds.
+    upload_seconds: u64,
+    /// Largest volume, voxels.
+    max_voxels: u64,
+    /// Dimensions of a volume.
+    dimensions: u32,
+    /// Most labels that `params.labels` may name.
+    max_params_labels: usize,
+    /// Longest run of a job, seconds.
+    max_run_seconds: u64,
+    /// Jobs that may wait.
+    max_queued_jobs: u64,
+    /// Bytes of masks that may wait.
+    max_queued_bytes: u64,
+    /// How much of both one tenant may take, percent.
+    tenant_share_percent: u8,
+    /// Requests of one tenant that may be open.
+    max_open_requests: usize,
+    /// Longest `wait`, seconds.
+    max_wait_seconds: u32,
+    /// How long after a job's end what is kept.
+    retention: RetentionView,
+    /// Names of the results.
+    results: [&'static str; 4],
+    /// Whether webhooks are sent.
+    webhooks: bool,
+}
+
+/// Seconds after the end of a job; null is for ever.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[schema(as = Retention)]
+pub struct RetentionView {
+    /// The job.
+    #[schema(required)]
+    jobs_seconds: Option<u64>,
+    /// Its mask.
+    #[schema(required)]
+    masks_seconds: Option<u64>,
+    /// Its results.
+    #[schema(required)]
+    results_seconds: Option<u64>,
+}
+
+/// What bounds requests, and how long what is kept.
+#[utoipa::path(get, path = "/v1/limits", tag = "operation", responses((status = 200, body = Limits, description = "The limits of this server")))]
+pub async fn limits(State(jobs): State<Arc<Jobs>>) -> Json<Limits> {
+    let limits = jobs.limits();
+    let seconds = |time: Option<Duration>| time.map(|time| time.as_secs());
+    let keep = limits.keep;
+    Json(Limits {
+        formats: ["NIfTI-1 (.nii, .nii.gz)", "NIfTI-2 (.nii, .nii.gz)"],
+        max_upload_bytes: limits.upload.max_bytes,
+        upload_idle_seconds: limits.upload.idle.as_secs(),
+        upload_seconds: limits.upload.total.as_secs(),
+        max_voxels: limits.input.max_voxels,
+        dimensions: DIMENSIONS,
+        max_params_labels: *LABEL_COUNT.end(),
+        max_run_seconds: limits.max_run.as_secs(),
+        max_queued_jobs: limits.queue.jobs,
+        max_queued_bytes: limits.queue.bytes,
+        tenant_share_percent: limits.queue.share_percent,
+        max_open_requests: limits.max_requests,
+        max_wait_seconds: MAX_WAIT_S,
+        retention: RetentionView {
+            jobs_seconds: seconds(keep.jobs),
+            masks_seconds: seconds(keep.masks),
+            results_seconds: seconds(keep.results),
+        },
+        results: ARTIFACTS.map(|(name, _)| name),
+        webhooks: jobs.webhooks().is_some(),
+    })
+}

@@ -1,0 +1,84 @@
+//! Sends webhooks of jobs that have ended, until they arrive or there is no more hope. What is due
+//! is in the store: it survives the end of this process.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use jiff::{SignedDuration, Timestamp};
+use serde_json::json;
+use sha2::{Digest, Sha256};
+use tokio::time::timeout;
+use tokio_util::task::TaskTracker;
+use uuid::Builder;
+
+use super::job::{CallbackTry, Job};
+use super::queue::Jobs;
+use super::store::{CallbackNext, DueCallback};
+use crate::webhook::{Message, SendError, Sender, next_try_after};
+
+/// How often it is looked what is due though no job has ended.
+const LOOK: Duration = Duration::from_secs(1);
+/// For how long a webhook is given to a sender: longer than one try can take.
+const TRY: SignedDuration = SignedDuration::from_secs(60);
+/// Webhooks sent at the same time.
+const AT_ONCE: usize = 16;
+
+/// Goes on for ever; at once when there is nothing to send with.
+pub(super) async fn send(jobs: Arc<Jobs>) {
+    let Some(sender) = jobs.webhooks().cloned() else { return };
+    let sending = TaskTracker::new();
+    loop {
+        while sending.len() < AT_ONCE {
+            let now = Timestamp::now();
+            match jobs.store().claim_callback(now, now + TRY).await {
+                Ok(Some(due)) => drop(sending.spawn(send_one(Arc::clone(&jobs), sender.clone(), due))),
+                Ok(None) => break,
+                Err(error) => {
+                    tracing::error!(%error, "webhooks cannot be looked up");
+                    break;
+                }
+            }
+        }
+        // Over in time or woken by a job that ended: both mean to look again.
+        let _ = timeout(LOOK, jobs.callbacks_woken()).await;
+    }
+}
+
+async fn send_one(jobs: Arc<Jobs>, sender: Sender, due: DueCallback) {
+    let sent = sender.send(&due.url, &message(&due.job)).await;
+    let code = sent.as_ref().err().map_or("delivered", SendError::code);
+    let next = match &sent {
+        Ok(_) => CallbackNext::Delivered,
+        Err(error) if error.is_final() => CallbackNext::GiveUp,
+        Err(_) => match next_try_after(due.tries + 1) {
+            Some(wait) => CallbackNext::TryAt(Timestamp::now() + wait),
+            None => CallbackNext::GiveUp,
+        },
+    };
+    let id = due.job.id;
+    tracing::info!(job = %id, trace_id = due.job.trace_id, code, tries = due.tries + 1, "webhook sent");
+    jobs.metrics().callback(code);
+    let status = match &sent {
+        Ok(status) => Some(*status),
+        Err(error) => error.status(),
+    };
+    let tried = CallbackTry { at: Timestamp::now(), status, error: sent.err().map(|error| error.code().to_owned()) };
+    if let Err(error) = jobs.store().callback_tried(id, &tried, next).await {
+        tracing::error!(job = %id, %error, "the outcome of a webhook cannot be written; it is sent again");
+    }
+}
+
+/// Thin: which job ended and how. Whoever wants more asks for it, with a token.
+fn message(job: &Job) -> Message {
+    let ended_ms = job.ended_at.map_or(0, Timestamp::as_millisecond);
+    // The same in every try, another when the job is run again.
+    let hash = Sha256::digest(format!("{}@{ended_ms}", job.id));
+    let mut id = [0; 16];
+    id.copy_from_slice(&hash[..16]);
+    let body = json!({
+        "type": "job.ended",
+        "timestamp": job.ended_at.map(|time| time.to_string()),
+        "data": {"id": job.id.to_string(), "state": job.state, "href": format!("/v1/jobs/{}", job.id)}
+    });
+    Message { id: Builder::from_custom_bytes(id).into_uuid(), body: body.to_string().into() }
+}

@@ -1,0 +1,57 @@
+//! Who asks, and how much of the service they take at once.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Who asks for something: found out once per request, needed by everything that touches a job.
+#[derive(Clone, Debug, Default)]
+pub struct Caller {
+    /// Owner of the jobs that are seen and sent; empty when nobody was asked who they are.
+    pub tenant: String,
+    /// Public half of the token.
+    pub token: Option<String>,
+    /// Trace that the request belongs to.
+    pub trace_id: String,
+}
+
+/// Counts the requests that each tenant has open.
+#[derive(Debug, Default)]
+pub struct OpenRequests {
+    counts: Mutex<BTreeMap<String, usize>>,
+}
+
+/// One open request; counted until this is dropped.
+#[derive(Debug)]
+pub struct OpenRequest {
+    all: Arc<OpenRequests>,
+    tenant: String,
+}
+
+impl OpenRequests {
+    /// Counts one more request of a tenant, unless `limit` are open.
+    #[must_use]
+    pub fn open(self: &Arc<Self>, tenant: &str, limit: usize) -> Option<OpenRequest> {
+        let mut counts = self.counts();
+        let count = counts.entry(tenant.to_owned()).or_default();
+        if *count >= limit {
+            return None;
+        }
+        *count += 1;
+        Some(OpenRequest { all: Arc::clone(self), tenant: tenant.to_owned() })
+    }
+
+    fn counts(&self) -> MutexGuard<'_, BTreeMap<String, usize>> {
+        // Nothing panics while it is held.
+        self.counts.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Drop for OpenRequest {
+    fn drop(&mut self) {
+        let mut counts = self.all.counts();
+        match counts.get_mut(&self.tenant) {
+            Some(count) if *count > 1 => *count -= 1,
+            _ => drop(counts.remove(&self.tenant)),
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! Processes that share a data directory. Each holds a lock on a file of its own as long as it
+//! lives; the system frees it with the process, however that ends. So the others know within a
+//! second that it is gone, and a server that starts takes up what its dead predecessor left.
+
+use std::fs::{self, File, TryLockError};
+use std::io;
+use std::path::{Path, PathBuf};
+
+use uuid::Uuid;
+
+const INSTANCES: &str = "instances";
+
+/// This process, alive as long as this value.
+#[derive(Debug)]
+pub struct Instance {
+    id: String,
+    folder: PathBuf,
+    /// Held, never read.
+    _lock: File,
+}
+
+impl Instance {
+    /// Says to the others that this process lives.
+    ///
+    /// # Errors
+    /// When the folder cannot be written to.
+    pub fn begin(data_dir: &Path) -> io::Result<Self> {
+        let folder = data_dir.join(INSTANCES);
+        super::make_private(&folder)?;
+        let id = Uuid::now_v7().hyphenated().to_string();
+        // Locked before it has its name, so that nobody finds it without its lock.
+        let draft = folder.join(format!(".{id}"));
+        let lock = File::create(&draft)?;
+        lock.lock()?;
+        fs::rename(draft, folder.join(&id))?;
+        Ok(Self { id, folder, _lock: lock })
+    }
+
+    /// Its name, unique for every start.
+    #[must_use]
+    pub fn id(&self) -> &str {
+        &self.id
+    }
+
+    /// The others that are gone. They stay on this list until [`Self::bury`].
+    ///
+    /// # Errors
+    /// When the folder cannot be read.
+    pub fn dead(&self) -> io::Result<Vec<String>> {
+        let mut dead = Vec::new();
+        for name in self.others()? {
+            if is_free(&self.folder.join(&name))? {
+                dead.push(name);
+            }
+        }
+        Ok(dead)
+    }
+
+    fn others(&self) -> io::Result<Vec<String>> {
+        let names = fs::read_dir(&self.folder)?.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned()));
+        let names: Vec<String> = names.collect::<io::Result<_>>()?;
+        Ok(names.into_iter().filter(|name| *name != self.id && !name.starts_with('.')).collect())
+    }
+
+    /// Whether another process uses the data directory.
+    ///
+    /// # Errors
+    /// When the folder cannot be read.
+    pub fn has_company(&self) -> io::Result<bool> {
+        Ok(self.others()?.len() > self.dead()?.len())
+    }
+
+    /// Forgets one that is gone, once what it left is taken up.
+    pub fn bury(&self, dead: &str) {
+        // Another process may have done so.
+        let _ = fs::remove_file(self.folder.join(dead));
+    }
+}
+
+impl Drop for Instance {
+    fn drop(&mut self) {
+        self.bury(&self.id);
+    }
+}
+
+fn is_free(path: &Path) -> io::Result<bool> {
+    let file = match File::open(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
+        file => file?,
+    };
+    match file.try_lock_shared() {
+        Ok(()) => Ok(true),
+        Err(TryLockError::WouldBlock) => Ok(false),
+        Err(TryLockError::Error(error)) => Err(error),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_instance_is_dead_once_its_lock_is_free() {
+        let dir = tempfile::TempDir::new().expect("a folder");
+        let (one, two) = (Instance::begin(dir.path()), Instance::begin(dir.path()));
+        let (one, two) = (one.expect("first"), two.expect("second"));
+        assert!(one.dead().expect("list").is_empty() && one.has_company().expect("list"));
+        // As after a kill: the lock is free, the file is there.
+        let left = dir.path().join(INSTANCES).join("killed");
+        File::create(&left).expect("file");
+        assert_eq!(one.dead().expect("list"), ["killed"]);
+        one.bury("killed");
+        drop(two);
+        assert!(!left.exists() && !one.has_company().expect("list"));
+    }
+}

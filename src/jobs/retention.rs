@@ -1,0 +1,88 @@
+//! Erases what has been kept long enough, and sweeps what no job names.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use jiff::Timestamp;
+use tokio::time::{Instant, MissedTickBehavior, interval};
+
+use super::caller::Caller;
+use super::job::JobId;
+use super::queue::{Jobs, JobsError};
+use crate::audit::Action;
+
+/// How often it is looked what is due.
+const LOOK: Duration = Duration::from_secs(5);
+/// How often files that no job names are looked for.
+const SWEEP: Duration = Duration::from_secs(3600);
+/// How many jobs are erased at once: others want to write in between.
+const BATCH: u32 = 100;
+
+/// Goes on for ever.
+pub(super) async fn keep(jobs: Arc<Jobs>) {
+    let mut ticks = interval(LOOK);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut swept = Instant::now();
+    loop {
+        ticks.tick().await;
+        if let Err(error) = erase_due(&jobs).await {
+            tracing::error!(%error, "what is due cannot be erased");
+        }
+        if swept.elapsed() >= SWEEP {
+            swept = Instant::now();
+            match jobs.sweep_old().await {
+                Ok(count) => tracing::info!(count, "files swept that no job names"),
+                Err(error) => tracing::error!(%error, "files cannot be swept"),
+            }
+        }
+    }
+}
+
+async fn erase_due(jobs: &Jobs) -> Result<(), JobsError> {
+    let keep = jobs.limits().keep;
+    let store = jobs.store();
+    while let Some(before) = long_ago(keep.jobs) {
+        let due = store.expire_jobs(before, BATCH).await?;
+        for id in &due {
+            jobs.blobs().erase(*id).await?;
+        }
+        if is_last(jobs, "jobs", &due) {
+            break;
+        }
+    }
+    while let Some(before) = long_ago(keep.results) {
+        let due = store.expire_results(before, BATCH).await?;
+        for id in &due {
+            jobs.blobs().erase_results(*id).await?;
+        }
+        if is_last(jobs, "results", &due) {
+            break;
+        }
+    }
+    while let Some(before) = long_ago(keep.masks) {
+        let due = store.expire_masks(before, BATCH).await?;
+        for id in &due {
+            jobs.blobs().erase_mask(*id).await?;
+        }
+        if is_last(jobs, "masks", &due) {
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// What ended before this has been kept for `time`; `None` is for ever.
+fn long_ago(time: Option<Duration>) -> Option<Timestamp> {
+    time.and_then(|time| Timestamp::now().checked_sub(time).ok())
+}
+
+fn is_last(jobs: &Jobs, what: &'static str, erased: &[JobId]) -> bool {
+    for id in erased {
+        jobs.record(&Caller::default(), Action::Expire, Some(*id), what);
+    }
+    if !erased.is_empty() {
+        tracing::info!(what, count = erased.len(), "erased: kept long enough");
+        jobs.metrics().expired(what, erased.len());
+    }
+    erased.len() < BATCH as usize
+}

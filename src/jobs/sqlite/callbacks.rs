@@ -1,0 +1,58 @@
+//! Webhooks under way: columns of their job, so that the end of a job and the duty to tell of it
+//! are one write.
+
+use async_trait::async_trait;
+use jiff::Timestamp;
+use sqlx::Row;
+
+use super::{SqliteStore, rows};
+use crate::jobs::job::{CallbackState, CallbackTry, JobId};
+use crate::jobs::store::{CallbackNext, CallbackStore, DueCallback, StoreError};
+
+#[async_trait]
+impl CallbackStore for SqliteStore {
+    async fn claim_callback(&self, now: Timestamp, until: Timestamp) -> Result<Option<DueCallback>, StoreError> {
+        // Looked for by a reader first: most of the time there is none, and a write would lock.
+        let due = "SELECT id FROM jobs WHERE callback_state = 'due' AND callback_due_ms <= $1
+                   ORDER BY callback_due_ms LIMIT 1";
+        let Some(row) = sqlx::query(due).bind(now.as_millisecond()).fetch_optional(&self.reader).await? else {
+            return Ok(None);
+        };
+        let claimed = sqlx::query(
+            "UPDATE jobs SET callback_due_ms = $1
+             WHERE id = $2 AND callback_state = 'due' AND callback_due_ms <= $3 RETURNING *",
+        )
+        .bind(until.as_millisecond())
+        .bind(row.try_get::<String, _>("id")?)
+        .bind(now.as_millisecond())
+        .fetch_optional(&self.writer)
+        .await?;
+        let Some(row) = claimed else { return Ok(None) };
+        let job = rows::job(&row)?;
+        let callback = job.callback.clone().ok_or_else(|| rows::corrupt("callback_url"))?;
+        let tries = u32::try_from(callback.log.len()).unwrap_or(u32::MAX);
+        Ok(Some(DueCallback { job, url: callback.url, tries }))
+    }
+
+    async fn callback_tried(&self, id: JobId, tried: &CallbackTry, next: CallbackNext) -> Result<(), StoreError> {
+        let (state, due) = match next {
+            CallbackNext::Delivered => (CallbackState::Delivered, None),
+            CallbackNext::TryAt(time) => (CallbackState::Due, Some(time.as_millisecond())),
+            CallbackNext::GiveUp => (CallbackState::GivenUp, None),
+        };
+        // The log is a JSON array of objects: its bracket makes room for one more.
+        sqlx::query(
+            "UPDATE jobs SET callback_state = $1, callback_due_ms = $2, callback_log =
+                CASE WHEN callback_log = '[]' THEN '[' || $3 || ']'
+                     ELSE substr(callback_log, 1, length(callback_log) - 1) || ',' || $3 || ']' END
+             WHERE id = $4 AND callback_state = 'due'",
+        )
+        .bind(state.name())
+        .bind(due)
+        .bind(rows::to_json(tried))
+        .bind(id.to_string())
+        .execute(&self.writer)
+        .await?;
+        Ok(())
+    }
+}

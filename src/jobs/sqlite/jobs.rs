@@ -1,0 +1,210 @@
+//! Jobs from the view of clients.
+
+use async_trait::async_trait;
+use jiff::Timestamp;
+use sqlx::{Row, Sqlite, Transaction};
+
+use super::queue::load;
+use super::{SqliteStore, rows};
+use crate::jobs::job::{Job, JobId, JobState};
+use crate::jobs::store::{
+    CancelAnswer, Inserted, JobStore, ListQuery, NewJob, QueueLimits, RetryAnswer, Reused, StoreError,
+};
+
+#[async_trait]
+impl JobStore for SqliteStore {
+    async fn insert(&self, job: &NewJob, limits: QueueLimits) -> Result<Inserted, StoreError> {
+        let mut transaction = self.write().await?;
+        if let Some(known) = known(&mut transaction, job).await? {
+            return Ok(Inserted::Known(known));
+        }
+        match &job.reused {
+            None => {
+                limits.check(&load(&mut *transaction, &job.owner).await?, job.mask.bytes)?;
+                insert_queued(&mut transaction, job).await?;
+            }
+            Some(reused) => insert_succeeded(&mut transaction, job, reused).await?,
+        }
+        for (name, value) in &job.labels {
+            sqlx::query("INSERT INTO job_labels (job_id, name, value) VALUES ($1, $2, $3)")
+                .bind(job.id.to_string())
+                .bind(name)
+                .bind(value)
+                .execute(&mut *transaction)
+                .await?;
+        }
+        transaction.commit().await?;
+        Ok(Inserted::New)
+    }
+
+    async fn get(&self, id: JobId) -> Result<Option<Job>, StoreError> {
+        let row =
+            sqlx::query("SELECT * FROM jobs WHERE id = $1").bind(id.to_string()).fetch_optional(&self.reader).await?;
+        row.as_ref().map(rows::job).transpose()
+    }
+
+    async fn list(&self, query: &ListQuery) -> Result<Vec<Job>, StoreError> {
+        let (name, value) = query.label.clone().unzip();
+        let rows = sqlx::query(
+            "SELECT * FROM jobs
+             WHERE owner = $1 AND (CAST($2 AS TEXT) IS NULL OR state = $2) AND (CAST($3 AS TEXT) IS NULL OR id < $3)
+               AND (CAST($4 AS TEXT) IS NULL OR id IN (SELECT job_id FROM job_labels WHERE name = $4 AND value = $5))
+             ORDER BY id DESC LIMIT $6",
+        )
+        .bind(&query.owner)
+        .bind(query.state.map(JobState::name))
+        .bind(query.before.map(|id| id.to_string()))
+        .bind(name)
+        .bind(value)
+        .bind(i64::from(query.limit))
+        .fetch_all(&self.reader)
+        .await?;
+        rows.iter().map(rows::job).collect()
+    }
+
+    async fn find_key(&self, owner: &str, key: &str) -> Result<Option<JobId>, StoreError> {
+        let row = sqlx::query("SELECT id FROM jobs WHERE owner = $1 AND idempotency_key = $2")
+            .bind(owner)
+            .bind(key)
+            .fetch_optional(&self.reader)
+            .await?;
+        row.as_ref().map(rows::id).transpose()
+    }
+
+    async fn find_equal(&self, owner: &str, work_sha256: &str, program: &str) -> Result<Option<Job>, StoreError> {
+        let row = sqlx::query(
+            "SELECT * FROM jobs WHERE owner = $1 AND work_sha256 = $2 AND program = $3 AND state = 'succeeded'
+             AND results_kept = 1 ORDER BY id DESC LIMIT 1",
+        )
+        .bind(owner)
+        .bind(work_sha256)
+        .bind(program)
+        .fetch_optional(&self.reader)
+        .await?;
+        row.as_ref().map(rows::job).transpose()
+    }
+
+    async fn cancel(&self, id: JobId, now: Timestamp) -> Result<CancelAnswer, StoreError> {
+        let row = sqlx::query(
+            "UPDATE jobs SET cancel_requested = 1,
+                ended_at_ms = CASE WHEN state = 'queued' THEN CAST($1 AS BIGINT) ELSE NULL END,
+                history = CASE WHEN state = 'queued' THEN history || ' canceled@' || CAST($1 AS TEXT) ELSE history END,
+                callback_state = CASE WHEN state = 'queued' AND callback_url IS NOT NULL THEN 'due'
+                                      ELSE callback_state END,
+                callback_due_ms = CASE WHEN state = 'queued' THEN CAST($1 AS BIGINT) ELSE NULL END,
+                state = CASE WHEN state = 'queued' THEN 'canceled' ELSE state END
+             WHERE id = $2 AND state IN ('queued', 'running') RETURNING state",
+        )
+        .bind(now.as_millisecond())
+        .bind(id.to_string())
+        .fetch_optional(&self.writer)
+        .await?;
+        match row {
+            Some(row) if rows::state(&row)? == JobState::Running => Ok(CancelAnswer::Requested),
+            Some(_) => Ok(CancelAnswer::Canceled),
+            None => Ok(self.get(id).await?.map_or(CancelAnswer::NotFound, |job| CancelAnswer::AlreadyEnded(job.state))),
+        }
+    }
+
+    async fn retry(&self, id: JobId, now: Timestamp, limits: QueueLimits) -> Result<RetryAnswer, StoreError> {
+        let mut transaction = self.write().await?;
+        let row = sqlx::query("SELECT * FROM jobs WHERE id = $1");
+        let Some(row) = row.bind(id.to_string()).fetch_optional(&mut *transaction).await? else {
+            return Ok(RetryAnswer::NotFound);
+        };
+        let job = rows::job(&row)?;
+        if !matches!(job.state, JobState::Failed | JobState::Canceled) {
+            return Ok(RetryAnswer::NotRetryable(job.state));
+        }
+        if !job.is_mask_kept {
+            return Ok(RetryAnswer::MaskErased);
+        }
+        limits.check(&load(&mut *transaction, &job.owner).await?, job.mask.bytes)?;
+        sqlx::query(
+            "UPDATE jobs SET state = 'queued', attempt = 0, cancel_requested = 0, error = NULL, started_at_ms = NULL,
+                ended_at_ms = NULL, turn_ms = CAST($1 AS BIGINT), history = history || ' queued@' || CAST($1 AS TEXT),
+                callback_state = CASE WHEN callback_url IS NULL THEN NULL ELSE 'waiting' END, callback_due_ms = NULL
+             WHERE id = $2",
+        )
+        .bind(now.as_millisecond())
+        .bind(id.to_string())
+        .execute(&mut *transaction)
+        .await?;
+        transaction.commit().await?;
+        Ok(RetryAnswer::Queued)
+    }
+
+    async fn delete(&self, id: JobId) -> Result<bool, StoreError> {
+        let mut transaction = self.write().await?;
+        let labels = sqlx::query("DELETE FROM job_labels WHERE job_id = $1").bind(id.to_string());
+        labels.execute(&mut *transaction).await?;
+        let deleted =
+            sqlx::query("DELETE FROM jobs WHERE id = $1").bind(id.to_string()).execute(&mut *transaction).await?;
+        transaction.commit().await?;
+        Ok(deleted.rows_affected() > 0)
+    }
+}
+
+/// The job that was sent before under the same idempotency key.
+async fn known(transaction: &mut Transaction<'_, Sqlite>, job: &NewJob) -> Result<Option<JobId>, StoreError> {
+    let Some(key) = &job.idempotency_key else { return Ok(None) };
+    let row = sqlx::query("SELECT id, request_sha256 FROM jobs WHERE owner = $1 AND idempotency_key = $2")
+        .bind(&job.owner)
+        .bind(key)
+        .fetch_optional(&mut **transaction)
+        .await?;
+    let Some(row) = row else { return Ok(None) };
+    let is_equal = row.try_get::<Option<String>, _>("request_sha256")?.as_ref() == Some(&job.request_sha256);
+    if is_equal { Ok(Some(rows::id(&row)?)) } else { Err(StoreError::KeyReused) }
+}
+
+async fn insert_queued(transaction: &mut Transaction<'_, Sqlite>, job: &NewJob) -> Result<(), StoreError> {
+    sqlx::query(
+        "INSERT INTO jobs (id, state, owner, labels, idempotency_key, request_sha256, mask_sha256, mask_bytes, params,
+                           attempt, cancel_requested, created_at_ms, turn_ms, history, trace_id, callback_url,
+                           callback_state, work_sha256, warnings, results)
+         VALUES ($1, 'queued', $2, $3, $4, $5, $6, $7, $8, 0, 0, $9, $10, ' queued@' || CAST($9 AS TEXT), $11, $12,
+                 CASE WHEN $12 IS NULL THEN NULL ELSE 'waiting' END, $13, '[]', '[]')",
+    )
+    .bind(job.id.to_string())
+    .bind(&job.owner)
+    .bind(rows::to_json(&job.labels))
+    .bind(&job.idempotency_key)
+    .bind(&job.request_sha256)
+    .bind(&job.mask.sha256)
+    .bind(rows::clamped(job.mask.bytes))
+    .bind(&job.params_json)
+    .bind(job.created_at.as_millisecond())
+    .bind(job.turn_ms())
+    .bind(&job.trace_id)
+    .bind(&job.callback_url)
+    .bind(&job.work_sha256)
+    .execute(&mut **transaction)
+    .await?;
+    Ok(())
+}
+
+/// A job whose results were there before it came.
+async fn insert_succeeded(
+    transaction: &mut Transaction<'_, Sqlite>,
+    job: &NewJob,
+    reused: &Reused,
+) -> Result<(), StoreError> {
+    insert_queued(transaction, job).await?;
+    sqlx::query(
+        "UPDATE jobs SET state = 'succeeded', reused = 1, results = $1, warnings = $2, results_token = $3, program = $4,
+            started_at_ms = created_at_ms, ended_at_ms = created_at_ms,
+            history = history || ' succeeded@' || CAST(created_at_ms AS TEXT),
+            callback_state = CASE WHEN callback_url IS NULL THEN NULL ELSE 'due' END,
+            callback_due_ms = CASE WHEN callback_url IS NULL THEN NULL ELSE created_at_ms END
+         WHERE id = $5",
+    )
+    .bind(rows::to_json(&reused.results))
+    .bind(rows::to_json(&reused.warnings))
+    .bind(&reused.token)
+    .bind(&reused.program)
+    .bind(job.id.to_string())
+    .execute(&mut **transaction)
+    .await?;
+    Ok(())
+}

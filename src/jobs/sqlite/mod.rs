@@ -1,0 +1,125 @@
+//! The store in one SQLite file.
+//!
+//! WAL with `synchronous=FULL`: a commit is on disk when the call returns. One connection writes,
+//! so that writers queue in this process instead of failing with "database is locked"; writers of
+//! other processes are waited for. Reads have connections of their own. Every change is one
+//! statement or one transaction that begins by taking the write lock.
+
+mod rows;
+
+mod jobs;
+
+mod queue;
+
+mod retention;
+
+mod callbacks;
+
+mod tokens;
+
+use std::path::Path;
+use std::time::Duration;
+
+use async_trait::async_trait;
+use jiff::Timestamp;
+use sqlx::migrate::{Migration, MigrationType, Migrator};
+use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
+use sqlx::{Row, SqlSafeStr, Sqlite, Transaction};
+
+use super::store::{Store, StoreError};
+
+/// Status polls are short reads; a few connections serve thousands a second.
+const READ_CONNECTIONS: u32 = 4;
+/// How long a connection waits for a lock that another process, a backup or a checkpoint holds.
+const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// Jobs in a SQLite file.
+#[derive(Clone, Debug)]
+pub struct SqliteStore {
+    writer: SqlitePool,
+    reader: SqlitePool,
+}
+
+impl SqliteStore {
+    /// Opens the file, making it when it is missing, and brings its tables up to date.
+    ///
+    /// # Errors
+    /// When the file cannot be opened or is of a later version of this program.
+    pub async fn open(path: &Path) -> Result<Self, StoreError> {
+        let options = SqliteConnectOptions::new()
+            .filename(path)
+            .create_if_missing(true)
+            .journal_mode(SqliteJournalMode::Wal)
+            .synchronous(SqliteSynchronous::Full)
+            .busy_timeout(BUSY_TIMEOUT)
+            // The file system may be read-only outside of the data directory.
+            .pragma("temp_store", "memory")
+            // What is deleted is patient data: its bytes are overwritten.
+            .pragma("secure_delete", "on");
+        let writer = SqlitePoolOptions::new().max_connections(1).connect_with(options.clone()).await?;
+        migrator().run(&writer).await?;
+        let reader = SqlitePoolOptions::new().max_connections(READ_CONNECTIONS).connect_with(options).await?;
+        Ok(Self { writer, reader })
+    }
+
+    /// What SQLite finds wrong with the file; empty when nothing is.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub async fn check_integrity(&self) -> Result<Vec<String>, StoreError> {
+        let rows = sqlx::query("PRAGMA integrity_check").fetch_all(&self.reader).await?;
+        let mut found = Vec::new();
+        for row in rows {
+            let line: String = row.try_get(0)?;
+            if line != "ok" {
+                found.push(line);
+            }
+        }
+        Ok(found)
+    }
+
+    /// Writes a copy of the whole database as it is now; others may write meanwhile.
+    ///
+    /// # Errors
+    /// When the file is there already or cannot be written.
+    pub async fn copy_to(&self, path: &Path) -> Result<(), StoreError> {
+        sqlx::query("VACUUM INTO $1").bind(path.to_string_lossy().into_owned()).execute(&self.writer).await?;
+        Ok(())
+    }
+
+    /// A transaction that holds the write lock from its first moment: one that takes it later may
+    /// find that what it read is old.
+    async fn write(&self) -> Result<Transaction<'static, Sqlite>, StoreError> {
+        Ok(self.writer.begin_with("BEGIN IMMEDIATE").await?)
+    }
+}
+
+fn migrator() -> Migrator {
+    let migration = |version, name: &'static str, sql: &'static str| {
+        Migration::new(version, name.into(), MigrationType::Simple, sql.into_sql_str(), false)
+    };
+    Migrator::with_migrations(vec![
+        migration(1, "jobs", include_str!("../../../migrations/sqlite/0001_jobs.sql")),
+        migration(2, "turns", include_str!("../../../migrations/sqlite/0002_turns.sql")),
+        migration(3, "service", include_str!("../../../migrations/sqlite/0003_service.sql")),
+    ])
+}
+
+#[async_trait]
+impl Store for SqliteStore {
+    async fn check_writable(&self) -> Result<(), StoreError> {
+        sqlx::query(
+            "INSERT INTO write_checks (id, checked_at_ms) VALUES ('ready', $1)
+             ON CONFLICT (id) DO UPDATE SET checked_at_ms = excluded.checked_at_ms",
+        )
+        .bind(Timestamp::now().as_millisecond())
+        .execute(&self.writer)
+        .await?;
+        Ok(())
+    }
+
+    async fn close(&self) {
+        self.reader.close().await;
+        self.writer.close().await;
+    }
+}

@@ -1,0 +1,168 @@
+//! Takes a mask in: checked, stored, and its row written, or answered from what is there already.
+
+use std::collections::BTreeMap;
+
+use jiff::Timestamp;
+use serde_json::Value;
+use sha2::{Digest, Sha256};
+use tokio::sync::SemaphorePermit;
+use tokio::task::spawn_blocking;
+use uuid::Uuid;
+
+use super::caller::Caller;
+use super::expected::expected;
+use super::job::{Job, JobId, MaskInfo, RequestedParams};
+use super::queue::{JobStatus, Jobs, JobsError};
+use super::store::{Inserted, NewJob, Reused};
+use super::upload::{Received, preflight};
+use crate::audit::Action;
+use crate::formats::hex;
+
+/// Version that results were made by; those of another one are not reused.
+pub const PROGRAM: &str = env!("CARGO_PKG_VERSION");
+
+/// What a client asks for.
+#[derive(Debug)]
+pub struct Submission {
+    /// The mask.
+    pub upload: Received,
+    /// What to do with it.
+    pub params: RequestedParams,
+    /// The client's own labels.
+    pub labels: BTreeMap<String, String>,
+    /// Whom to tell of the end.
+    pub callback_url: Option<String>,
+    /// Names the request, so that sending it again does nothing.
+    pub idempotency_key: Option<String>,
+    /// Whether the results of an equal request will do.
+    pub may_reuse: bool,
+}
+
+impl Submission {
+    fn work_sha256(&self) -> String {
+        hashed(&[&self.upload.mask.sha256, &self.params.canonical()])
+    }
+
+    /// The order of names does not matter: some clients shuffle it.
+    fn request_sha256(&self) -> String {
+        let mut params: Value = serde_json::from_str(self.params.json()).unwrap_or_default();
+        params.sort_all_objects();
+        let labels: Vec<String> = self.labels.iter().map(|(name, value)| format!("{name}={value}")).collect();
+        let callback = self.callback_url.as_deref().unwrap_or_default();
+        hashed(&[&self.upload.mask.sha256, &params.to_string(), &labels.join("\n"), callback])
+    }
+}
+
+/// Each part is followed by its length, so that no two lists are written alike.
+fn hashed(parts: &[&str]) -> String {
+    let mut hash = Sha256::new();
+    for part in parts {
+        hash.update(part);
+        hash.update(part.len().to_le_bytes());
+    }
+    hex(&hash.finalize())
+}
+
+/// What became of a submission.
+#[derive(Clone, Debug)]
+pub struct Accepted {
+    /// The job.
+    pub status: JobStatus,
+    /// Whether the same request was accepted before, under the same key.
+    pub is_replay: bool,
+}
+
+impl Jobs {
+    /// Asked before an upload of `bytes` bytes (0: it is not said) is read: whether there is room
+    /// for it. A request whose key is known needs none.
+    ///
+    /// # Errors
+    /// When the queue, the caller's share of it or the disk is full, or too many upload already.
+    pub async fn admit(
+        &self,
+        caller: &Caller,
+        bytes: u64,
+        key: Option<&str>,
+    ) -> Result<SemaphorePermit<'_>, JobsError> {
+        let place = self.uploads().try_acquire().map_err(|_| JobsError::TooManyUploads)?;
+        let is_known = match key {
+            Some(key) => self.store().find_key(&caller.tenant, key).await?.is_some(),
+            None => false,
+        };
+        if !is_known {
+            self.queue_limits(&caller.tenant).check(&self.store().load(&caller.tenant).await?, bytes)?;
+        }
+        self.check_disk(bytes)?;
+        Ok(place)
+    }
+
+    /// Accepts a mask. On return the job is on disk and survives the loss of power.
+    ///
+    /// # Errors
+    /// When the file is refused, the queue is full, the key was used for something else, or storage
+    /// fails; nothing is left then.
+    pub async fn submit(&self, caller: &Caller, submission: Submission) -> Result<Accepted, JobsError> {
+        let (id, now) = (JobId::now(), Timestamp::now());
+        let (file, limits) = (submission.upload.file.to_path_buf(), self.limits().input);
+        let header = spawn_blocking(move || preflight(&file, limits)).await?.map_err(JobsError::Refused)?;
+        let MaskInfo { bytes, .. } = submission.upload.mask;
+        let new = NewJob {
+            id,
+            owner: caller.tenant.clone(),
+            request_sha256: submission.request_sha256(),
+            work_sha256: submission.work_sha256(),
+            expected: expected(&header, bytes, submission.params.checked()),
+            reused: self.reuse(caller, &submission, id).await?,
+            mask: submission.upload.mask,
+            params_json: submission.params.json().to_owned(),
+            labels: submission.labels,
+            idempotency_key: submission.idempotency_key,
+            callback_url: submission.callback_url,
+            trace_id: caller.trace_id.clone(),
+            created_at: now,
+        };
+        self.blobs().keep_mask(&submission.upload.file, id).await?;
+        match self.store().insert(&new, self.queue_limits(&caller.tenant)).await {
+            Ok(Inserted::New) => {}
+            Ok(Inserted::Known(known)) => {
+                self.blobs().erase(id).await?;
+                return Ok(Accepted { status: self.status(caller, known).await?, is_replay: true });
+            }
+            Err(error) => {
+                self.blobs().erase(id).await?;
+                return Err(error.into());
+            }
+        }
+        let is_reused = new.reused.is_some();
+        tracing::info!(job = %id, bytes, is_reused, "job accepted");
+        self.record(caller, Action::Submit, Some(id), if is_reused { "reused" } else { "accepted" });
+        self.metrics().accepted(is_reused);
+        if is_reused {
+            self.has_ended(id).await;
+        } else {
+            self.wake_one();
+        }
+        Ok(Accepted { status: self.status(caller, id).await?, is_replay: false })
+    }
+
+    /// Takes over the results of equal work, copied so that each job can be deleted by itself.
+    async fn reuse(&self, caller: &Caller, submission: &Submission, id: JobId) -> Result<Option<Reused>, JobsError> {
+        if !submission.may_reuse {
+            return Ok(None);
+        }
+        let equal = self.store().find_equal(&caller.tenant, &submission.work_sha256(), PROGRAM).await?;
+        let Some(Job { id: from, results, warnings, results_token: Some(from_token), .. }) = equal else {
+            return Ok(None);
+        };
+        let token = Uuid::now_v7().hyphenated().to_string();
+        match self.blobs().copy_results((from, &from_token), (id, &token), &results).await {
+            Ok(()) => Ok(Some(Reused { token, results, warnings, program: PROGRAM.to_owned() })),
+            // Deleted in this moment, say: then it is computed again.
+            Err(error) => {
+                tracing::info!(%error, "results cannot be reused");
+                self.blobs().erase_results(id).await?;
+                Ok(None)
+            }
+        }
+    }
+}

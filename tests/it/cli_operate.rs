@@ -1,0 +1,142 @@
+//! What an operator does beside a running service: tokens, check, backup.
+
+use std::path::Path;
+use std::process::Output;
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+use crate::process::{PROGRAM, Service, run, sample};
+
+fn text(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+fn check(data_dir: &Path) -> (Option<i32>, String) {
+    let output = run(&["check", "--min-free-mib", "0"], data_dir);
+    (output.status.code(), text(&output))
+}
+
+#[test]
+fn tokens_are_made_shown_once_listed_and_revoked() {
+    let dir = TempDir::new().unwrap();
+    let (data, mask) = (dir.path().join("data"), sample(dir.path()));
+    let service = Service::start(&data, &[]);
+    assert!(service.call("GET /v1/jobs", b"").0.starts_with("HTTP/1.1 200"));
+    let made = run(&["token", "create", "--tenant", "radiology", "--expires-in", "1day"], &data);
+    let token = text(&made).trim().to_owned();
+    assert!(made.status.success() && token.starts_with("mrt_"));
+    // The running service heeds it at once.
+    assert!(service.call("GET /v1/jobs", b"").0.starts_with("HTTP/1.1 401"));
+    let service = service.with_token(&token);
+    let job = service.submit(&mask);
+    assert_eq!(service.ended(&job)["state"], "succeeded");
+    let (id, secret) = token["mrt_".len()..].split_once('_').unwrap();
+    let list = text(&run(&["token", "list"], &data));
+    assert!(list.contains(id) && list.contains("radiology") && list.contains("read,write"), "{list}");
+    assert!(!list.contains(secret));
+    assert!(run(&["token", "revoke", id], &data).status.success());
+    assert!(service.call("GET /v1/jobs", b"").0.starts_with("HTTP/1.1 401"));
+    assert_eq!(run(&["token", "revoke", id], &data).status.code(), Some(2));
+    assert_eq!(run(&["token", "create", "--tenant", "a b"], &data).status.code(), Some(2));
+    assert_eq!(run(&["token", "create", "--tenant", "a", "--scopes", "all"], &data).status.code(), Some(2));
+    // Neither log nor audit log nor database knows the secret.
+    let mut kept = service.log().into_bytes();
+    for entry in ["audit/audit.jsonl", "db/jobs.sqlite", "db/jobs.sqlite-wal"] {
+        kept.extend(std::fs::read(data.join(entry)).unwrap_or_default());
+    }
+    assert!(!kept.windows(secret.len()).any(|window| window == secret.as_bytes()));
+    let audit = std::fs::read_to_string(data.join("audit/audit.jsonl")).unwrap();
+    for action in ["token_created", "token_revoked", "submit"] {
+        assert!(audit.contains(action), "{action}");
+    }
+}
+
+#[test]
+fn with_a_token_the_service_listens_beyond_the_loopback() {
+    let dir = TempDir::new().unwrap();
+    run(&["token", "create", "--tenant", "radiology"], dir.path());
+    let service = Service::start(dir.path(), &["--listen", "0.0.0.0:0"]);
+    let address = std::net::SocketAddr::from(([127, 0, 0, 1], service.address.port()));
+    assert!(std::net::TcpStream::connect(address).is_ok());
+}
+
+#[test]
+fn check_tells_what_is_wrong() {
+    let dir = TempDir::new().unwrap();
+    let (data, mask) = (dir.path().join("data"), sample(dir.path()));
+    assert_eq!(check(&data).0, Some(1), "there is no folder");
+    let service = Service::start(&data, &[]);
+    let job = service.submit(&mask);
+    service.ended(&job);
+    let (code, told) = check(&data);
+    assert_eq!(code, Some(0), "{told}");
+    for what in ["settings", "data directory", "disk", "database", "access", "files", "audit log"] {
+        assert!(told.lines().any(|line| line.starts_with(&format!("ok    {what}"))), "{what}: {told}");
+    }
+    let low = run(&["check", "--min-free-mib", "999999999"], &data);
+    assert!(low.status.code() == Some(1) && text(&low).contains("BAD   disk"));
+    let strangers = run(&["check", "--min-free-mib", "0", "--listen", "0.0.0.0:80"], &data);
+    assert!(strangers.status.code() == Some(1) && text(&strangers).contains("BAD   access"));
+    let settings = run(&["check", "--webhook-targets", "https://a.example/"], &data);
+    assert!(settings.status.code() == Some(2) && text(&settings).contains("--webhook-secret-file"));
+
+    let id = job.rsplit('/').next().unwrap();
+    let stored = data.join("masks").join(id);
+    let mut bytes = std::fs::read(&stored).unwrap();
+    bytes[20] ^= 1;
+    std::fs::write(&stored, bytes).unwrap();
+    let (code, told) = check(&data);
+    assert!(code == Some(1) && told.contains(&format!("BAD   files: 1 missing or damaged, the first mask of {id}")));
+    // What comes after an entry vouches for it.
+    run(&["token", "create", "--tenant", "one"], &data);
+    let audit = data.join("audit/audit.jsonl");
+    let lines = std::fs::read_to_string(&audit).unwrap().replace("\"accepted\"", "\"reused\"");
+    std::fs::write(&audit, lines).unwrap();
+    assert!(check(&data).1.contains("BAD   audit log"));
+}
+
+#[test]
+fn a_backup_of_a_running_service_restores_the_same_jobs() {
+    let dir = TempDir::new().unwrap();
+    let (data, copy, mask) = (dir.path().join("data"), dir.path().join("copy"), sample(dir.path()));
+    let service = Service::start(&data, &[]);
+    let jobs: Vec<String> = (0..4).map(|_| service.submit(&mask)).collect();
+    service.ended(&jobs[0]);
+    let out = ["backup", "--out", copy.to_str().unwrap()];
+    let made = run(&out, &data);
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    assert!(!run(&out, &data).status.success(), "a folder that is not empty is left alone");
+    for job in &jobs {
+        service.ended(job);
+    }
+    let restored = Service::start(&copy, &[]);
+    let list = |service: &Service| service.json("GET /v1/jobs")["jobs"].clone();
+    let ids = |list: &Value| list.as_array().unwrap().iter().map(|job| job["id"].clone()).collect::<Vec<_>>();
+    assert_eq!(ids(&list(&restored)), ids(&list(&service)));
+    for job in &jobs {
+        let (old, new) = (service.ended(job), restored.ended(job));
+        assert_eq!((&new["state"], &new["mask"]), (&"succeeded".into(), &old["mask"]));
+        // All but the times in thickness.json is the same, computed before or after.
+        assert_eq!(new["results"][0]["sha256"], old["results"][0]["sha256"]);
+        let (head, _) = restored.call(&format!("GET {job}/results/points.csv"), b"");
+        assert!(head.starts_with("HTTP/1.1 200"), "{head}");
+    }
+    assert_eq!(check(&copy).0, Some(0));
+}
+
+#[test]
+fn every_option_has_its_environment_variable() {
+    let help = std::process::Command::new(PROGRAM).args(["serve", "--help"]).output().unwrap();
+    let help = text(&help);
+    let options: Vec<_> = help
+        .split_whitespace()
+        .filter(|word| word.starts_with("--") && word.len() > 2)
+        .map(|word| word.trim_matches(|c: char| !c.is_ascii_alphanumeric() && c != '-'))
+        .collect();
+    assert!(options.len() > 20, "{options:?}");
+    for option in options.iter().filter(|option| **option != "--help") {
+        let variable = format!("MEDIALREP_{}", option.trim_start_matches('-').replace('-', "_").to_uppercase());
+        assert!(help.contains(&format!("env: {variable}=")), "{option}");
+    }
+}
