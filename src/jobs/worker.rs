@@ -2,7 +2,7 @@
 
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -255,7 +255,7 @@ impl Attempt {
         self.process(processor, &params, &folder)
     }
 
-    fn process(&self, processor: &Processor, params: &RequestedParams, folder: &PathBuf) -> Outcome {
+    fn process(&self, processor: &Processor, params: &RequestedParams, folder: &Path) -> Outcome {
         let limits = self.jobs.limits();
         match processor(self.mask.path(), params.checked(), limits.input, folder, &*self.running) {
             Ok(processed) => {
