@@ -18,7 +18,7 @@ mod nifti_bytes;
 mod seeds;
 
 /// Buffers of the header check, and the connections to the database.
-const FIXED: usize = 1 << 20;
+const FIXED: usize = 1 << 19;
 /// Parameters take most, see there; a form is also kept as a whole and in pieces.
 const PER_BYTE: usize = 192;
 
