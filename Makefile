@@ -1,6 +1,6 @@
 # What one does here. `make run` and `make test` are all that a newcomer needs.
 
-.PHONY: run test bench lint openapi image-check deny clean
+.PHONY: run test bench fuzz lint openapi image-check deny clean
 
 # The service on 127.0.0.1:8080, with a sample job already sent.
 run:
@@ -14,8 +14,14 @@ test:
 bench:
 	cargo bench --locked --bench stages
 
+# Fuzzes the readers of files, parameters and forms, FUZZ_SECONDS each (1800), and keeps what was found
+# in fuzz/corpus, which `make test` replays; needs a C++ compiler.
+fuzz:
+	@scripts/fuzz.sh
+
 lint:
 	cargo fmt --check
+	cargo fmt --manifest-path fuzz/Cargo.toml --check
 	cargo clippy --locked --all-targets -- -D warnings
 
 # Writes openapi.yaml anew; a test holds it equal to the routes.

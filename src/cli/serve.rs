@@ -101,6 +101,18 @@ struct LimitArgs {
           value_parser = clap::value_parser!(u64).range(1..=65536))]
     max_upload_mib: u64,
 
+    /// Longest silence during an upload, seconds; then it is refused.
+    #[arg(long, env = "MEDIALREP_UPLOAD_IDLE_SECONDS", default_value_t = 30, value_name = "SECONDS")]
+    upload_idle_seconds: u64,
+
+    /// Longest upload, seconds.
+    #[arg(long, env = "MEDIALREP_UPLOAD_SECONDS", default_value_t = 900, value_name = "SECONDS")]
+    upload_seconds: u64,
+
+    /// Longest time for the headers of a request, and for silence between two, seconds; then the connection is closed.
+    #[arg(long, env = "MEDIALREP_HEADER_SECONDS", default_value_t = 15, value_name = "SECONDS")]
+    header_seconds: u64,
+
     /// Largest volume, voxels.
     #[arg(long, env = "MEDIALREP_MAX_VOXELS", default_value_t = InputLimits::default().max_voxels, value_name = "COUNT")]
     max_voxels: u64,
@@ -210,11 +222,19 @@ impl ServeArgs {
                 max_uploads: limits.max_uploads,
                 max_requests: limits.max_open_requests,
                 max_run: Duration::from_secs(limits.max_run_seconds),
-                upload: UploadLimits { max_bytes: mib(limits.max_upload_mib), ..defaults.jobs.upload },
+                upload: UploadLimits {
+                    max_bytes: mib(limits.max_upload_mib),
+                    idle: Duration::from_secs(limits.upload_idle_seconds),
+                    total: Duration::from_secs(limits.upload_seconds),
+                },
                 input: InputLimits { max_voxels: limits.max_voxels, ..defaults.jobs.input },
                 keep: Retention { jobs: keep.keep_jobs.0, masks: keep.keep_masks.0, results: keep.keep_results.0 },
             },
-            connections: ConnectionLimits { max_connections: limits.max_connections, ..defaults.connections },
+            connections: ConnectionLimits {
+                max_connections: limits.max_connections,
+                header_read: Duration::from_secs(limits.header_seconds),
+                ..defaults.connections
+            },
             cors_origins: self.cors_origins.clone(),
             webhooks: self.webhooks.config()?,
         })

@@ -6,8 +6,8 @@ use serde::de::{Deserialize, Deserializer, Error as _, MapAccess, SeqAccess, Vis
 use serde_json::{Map, Value, json};
 
 use crate::pipeline::params::{
-    CheckedParams, Correspondence, GridChoice, Landmarks, LatticeKind, LatticeSize, Neighbors, Params, ParamsError,
-    Prune,
+    CheckedParams, Correspondence, GridChoice, LABEL_COUNT, Landmarks, LatticeKind, LatticeSize, Neighbors, Params,
+    ParamsError, Prune,
 };
 use crate::problem::Problem;
 
@@ -112,7 +112,8 @@ fn labels(value: &Value) -> Result<Vec<i64>, ParamsError> {
     let mut labels = Vec::new();
     for entry in entries {
         let label = entry.as_i64().ok_or_else(|| wrong(entry))?;
-        if labels.contains(&label) {
+        // More than are allowed are refused for their number; comparing them all would take long.
+        if labels.len() <= *LABEL_COUNT.end() && labels.contains(&label) {
             return Err(wrong(entry));
         }
         labels.push(label);
@@ -392,6 +393,23 @@ mod tests {
         assert_eq!((problem.status, problem.code.as_str()), (422, "invalid_params"));
         assert_eq!(problem.location.as_deref(), Some("params.correspondence"));
         assert!(problem.detail.contains("\"anchored\" or \"paper\""), "{}", problem.detail);
+    }
+
+    #[test]
+    fn labels_too_many_to_be_compared_are_refused_for_their_number() {
+        let labels: Vec<String> = (1..2000).chain([1999]).map(|label: i64| label.to_string()).collect();
+        match parse(format!("{{\"labels\": [{}]}}", labels.join(",")).as_bytes()) {
+            Err(ParamsJsonError::Field(error)) => assert_eq!((&*error.field, &*error.got), ("labels", "2000")),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn a_number_is_read_to_its_last_digit() {
+        let exact = parse(br#"{"margin": 0.050000000019287325}"#).unwrap();
+        assert_eq!(exact.margin.to_bits(), 0.050000000019287325_f64.to_bits());
+        let tiny = parse(br#"{"margin": 2.922444426354807e-300}"#).unwrap();
+        assert_eq!(parse(params_to_json(&tiny).to_string().as_bytes()).unwrap(), tiny);
     }
 
     #[test]

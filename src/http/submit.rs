@@ -3,8 +3,10 @@
 use std::collections::BTreeMap;
 use std::future::Future;
 use std::io;
+use std::mem::take;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::task::{Poll, ready};
 
 use axum::body::{Body, Bytes};
 use axum::extract::multipart::{Field, Multipart, MultipartError};
@@ -12,6 +14,7 @@ use axum::extract::{DefaultBodyLimit, FromRequest, Request};
 use axum::http::header::{CACHE_CONTROL, CONTENT_ENCODING, CONTENT_LENGTH, CONTENT_TYPE};
 use axum::http::{HeaderMap, HeaderName};
 use futures_util::StreamExt;
+use futures_util::stream::poll_fn;
 use tokio::time::timeout;
 
 use super::error::{ApiError, too_large};
@@ -27,8 +30,11 @@ use crate::problem::Problem;
 /// What a form may hold beside the mask.
 const FORM_OVERHEAD_BYTES: u64 = 1 << 20;
 /// Bytes of a form that may wait to be understood. The parser keeps in memory what it reads ahead
-/// and what it finds no end of: a part's headers, a gap between parts.
-const FORM_BACKLOG_BYTES: u64 = 16 << 20;
+/// and what it finds no end of: a part's headers, a gap between parts. It searches all of that anew with
+/// every piece, so more would cost time too.
+const FORM_BACKLOG_BYTES: u64 = 256 << 10;
+/// Bytes of a form that the parser gets at a time.
+const FORM_PIECE_BYTES: usize = 32 << 10;
 /// Longest idempotency key.
 const MAX_KEY_BYTES: usize = 255;
 /// Labels of one job.
@@ -208,17 +214,32 @@ fn refuse_large(headers: &HeaderMap, max_bytes: u64, is_form: bool) -> Result<u6
     if length > limit { Err(too_large(max_bytes)) } else { Ok(length) }
 }
 
-/// Bounds what the parser keeps in memory. The framework's own limit, on the whole body, is off:
-/// ours counts the mask while it streams.
+/// Bounds what the parser keeps in memory. It takes all that there is before it looks at any of it, so
+/// there is one piece at a time. The framework's own limit, on the whole body, is off: ours counts the
+/// mask while it streams.
 fn bounded(mut request: Request, understood: Arc<AtomicU64>) -> Request {
     DefaultBodyLimit::disable().apply(&mut request);
     request.map(|body| {
-        let mut passed = 0;
-        Body::from_stream(body.into_data_stream().map(move |chunk| {
-            let chunk = chunk.map_err(io::Error::other)?;
-            passed += chunk.len() as u64;
+        let (mut chunks, mut rest) = (body.into_data_stream(), Bytes::new());
+        let (mut passed, mut is_pause_due) = (0, false);
+        Body::from_stream(poll_fn(move |context| {
+            if take(&mut is_pause_due) {
+                context.waker().wake_by_ref();
+                return Poll::Pending;
+            }
+            if rest.is_empty() {
+                match ready!(chunks.poll_next_unpin(context)) {
+                    Some(Ok(chunk)) => rest = chunk,
+                    Some(Err(error)) => return Poll::Ready(Some(Err(io::Error::other(error)))),
+                    None => return Poll::Ready(None),
+                }
+            }
+            let piece = rest.split_to(rest.len().min(FORM_PIECE_BYTES));
+            is_pause_due = true;
+            passed += piece.len() as u64;
             let backlog = passed.saturating_sub(understood.load(Ordering::Relaxed));
-            if backlog > FORM_BACKLOG_BYTES { Err(io::Error::from(io::ErrorKind::InvalidData)) } else { Ok(chunk) }
+            let is_bounded = backlog <= FORM_BACKLOG_BYTES;
+            Poll::Ready(Some(if is_bounded { Ok(piece) } else { Err(io::ErrorKind::InvalidData.into()) }))
         }))
     })
 }
@@ -236,4 +257,25 @@ fn invalid_form(detail: impl Into<String>) -> ApiError {
         .at("body")
         .hint("send a form with the file field mask and, if wanted, params and labels (JSON) and callback_url")
         .into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn a_form_that_is_understood_passes_in_pieces_and_whole() {
+        let understood = Arc::new(AtomicU64::new(0));
+        let sent: Vec<u8> = (0..=250).cycle().take(1 << 20).collect();
+        let request = bounded(Request::new(Body::from(sent.clone())), Arc::clone(&understood));
+        let mut pieces = request.into_body().into_data_stream();
+        let mut received = Vec::new();
+        while let Some(piece) = pieces.next().await {
+            let piece = piece.unwrap();
+            assert!(piece.len() <= FORM_PIECE_BYTES);
+            understood.fetch_add(piece.len() as u64, Ordering::Relaxed);
+            received.extend(piece);
+        }
+        assert!(received == sent);
+    }
 }

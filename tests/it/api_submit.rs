@@ -1,6 +1,8 @@
 //! `POST /v1/jobs`: what is accepted, what is refused, and what is left on disk.
 
 use std::convert::Infallible;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use axum::body::{Body, Bytes};
 use axum::http::Request;
@@ -152,6 +154,25 @@ async fn a_form_without_end_is_cut_off() {
         assert_eq!(answer.status, 400, "{}", answer.text());
     }
     assert!(server.files().is_empty());
+}
+
+#[tokio::test]
+async fn little_of_a_form_is_kept_that_is_not_understood() {
+    let server = Server::without_workers().await;
+    let taken = Arc::new(AtomicUsize::new(0));
+    for begin in ["", "--XX\r\nX: "] {
+        taken.store(0, Ordering::Relaxed);
+        let counter = Arc::clone(&taken);
+        let endless = std::iter::repeat_with(move || {
+            counter.fetch_add(1 << 10, Ordering::Relaxed);
+            vec![b'a'; 1 << 10]
+        });
+        let chunks = [begin.as_bytes().to_vec()].into_iter().chain(endless);
+        let body = Body::from_stream(stream::iter(chunks.map(|chunk| Ok::<_, Infallible>(Bytes::from(chunk)))));
+        let request = Request::post("/v1/jobs").header("content-type", "multipart/form-data; boundary=XX");
+        server.send(request.body(body).unwrap()).await.is_problem(400, "upload_interrupted");
+        assert!(taken.load(Ordering::Relaxed) <= 300 << 10, "{begin}: {taken:?} bytes");
+    }
 }
 
 #[tokio::test]

@@ -16,6 +16,8 @@ mod formats_nifti_refused;
 
 mod formats_real_files;
 
+mod fuzz_corpus;
+
 mod formats_artifacts;
 
 mod formats_glb;

@@ -1,0 +1,99 @@
+//! Any bytes as a NIfTI file: what the header check refuses the reader refuses, what is read fits
+//! together, and gzip around it changes nothing.
+
+use std::io::Write;
+
+use medialrep::formats::nifti::{check_header, check_magic};
+use medialrep::formats::{InputLimits, ReadError, ReadVolume, read, read_file};
+use tempfile::NamedTempFile;
+
+/// Small, so that inputs of a few kilobytes reach them.
+pub const LIMITS: InputLimits = InputLimits { max_voxels: 1 << 16, max_decompressed_bytes: 2 << 20 };
+/// Most that a block of deflate holds uncompressed.
+const STORED_BLOCK: usize = 65_535;
+
+/// What must hold of any bytes.
+pub fn check(bytes: &[u8]) {
+    let mut file = NamedTempFile::new().unwrap();
+    file.write_all(bytes).unwrap();
+    let header = check_header(file.path(), LIMITS);
+    match (read_file(file.path(), LIMITS), header) {
+        (Ok(found), Ok(facts)) => {
+            assert_eq!(facts.voxels, found.volume.indices.as_slice().len() as u64);
+            assert!(check_magic(bytes).is_ok());
+            check_volume(&found);
+            assert_eq!(found.bytes, bytes.len() as u64);
+        }
+        (Err(found), Ok(_)) => check_error(&found),
+        (Err(found), Err(header)) => {
+            check_error(&found);
+            assert_eq!(found.to_string(), header.to_string());
+        }
+        (Ok(_), Err(header)) => panic!("the header is refused, the file is read: {header}"),
+    }
+}
+
+/// The same content in gzip, in one member and in two, is read as it is without.
+pub fn check_in_gzip(bytes: &[u8]) {
+    if bytes.starts_with(&[0x1f, 0x8b]) {
+        return;
+    }
+    let plain = read(bytes, LIMITS);
+    let (left, right) = bytes.split_at(bytes.len() / 3);
+    for packed in [stored(&[bytes]), stored(&[left, right])] {
+        match (&plain, read(&packed[..], LIMITS)) {
+            (Ok(plain), Ok(unpacked)) => {
+                assert_eq!(unpacked.format, format!("{}.gz", plain.format));
+                assert_eq!(unpacked.volume.indices.as_slice(), plain.volume.indices.as_slice());
+                assert_eq!(unpacked.volume.label_values, plain.volume.label_values);
+                assert_eq!(unpacked.volume.world_from_voxel, plain.volume.world_from_voxel);
+            }
+            (Err(plain), Err(unpacked)) => assert_eq!(unpacked.to_string(), plain.to_string()),
+            (plain, unpacked) => panic!("plain: {plain:?}, in gzip: {unpacked:?}"),
+        }
+    }
+}
+
+fn check_volume(found: &ReadVolume) {
+    let volume = &found.volume;
+    let indices = volume.indices.as_slice();
+    assert_eq!(volume.indices.dims().iter().product::<usize>(), indices.len());
+    assert!(indices.len() as u64 <= LIMITS.max_voxels);
+    assert_eq!(volume.label_values.first(), Some(&0));
+    assert!(volume.label_values[1..].is_sorted_by(|a, b| a < b) && !volume.label_values[1..].contains(&0));
+    let mut voxels = vec![0; volume.label_values.len()];
+    indices.iter().for_each(|index| voxels[usize::from(*index)] += 1);
+    assert_eq!(volume.label_voxels, voxels);
+    assert!(volume.world_from_voxel.rows().iter().flatten().all(|entry| entry.is_finite()));
+    assert!(volume.world_from_voxel.spacing_mm().iter().all(|spacing| *spacing > 0.0 && spacing.is_finite()));
+    assert_eq!(found.sha256.len(), 64);
+}
+
+/// Bytes are never our fault or the disk's.
+fn check_error(error: &ReadError) {
+    assert!((400..500).contains(&error.status()), "{error}");
+}
+
+/// Gzip without compression: quick to make, and every byte of the input stays one of the output.
+fn stored(members: &[&[u8]]) -> Vec<u8> {
+    let mut out = Vec::new();
+    for content in members {
+        out.extend([0x1f, 0x8b, 8, 0, 0, 0, 0, 0, 0, 255]);
+        let mut rest = *content;
+        loop {
+            let (block, after) = rest.split_at(rest.len().min(STORED_BLOCK));
+            let length = u16::try_from(block.len()).unwrap();
+            out.push(u8::from(after.is_empty()));
+            out.extend([length.to_le_bytes(), (!length).to_le_bytes()].as_flattened());
+            out.extend(block);
+            rest = after;
+            if rest.is_empty() {
+                break;
+            }
+        }
+        let mut crc = flate2::Crc::new();
+        crc.update(content);
+        out.extend([crc.sum().to_le_bytes(), crc.amount().to_le_bytes()].as_flattened());
+    }
+    out
+}

@@ -1,0 +1,117 @@
+//! What a run starts from beside the corpus: small good inputs of every kind.
+
+use std::io::Write;
+use std::path::Path;
+
+use flate2::Compression;
+use flate2::write::GzEncoder;
+
+use crate::nifti_bytes::{Nifti, gzip};
+
+/// Writes them to the folder that `FUZZ_SEEDS` names, if it names one; a target does so before it
+/// reads its corpus.
+pub fn write(seeds: &[Vec<u8>]) {
+    let Some(folder) = std::env::var_os("FUZZ_SEEDS") else { return };
+    for (n, seed) in seeds.iter().enumerate() {
+        std::fs::write(Path::new(&folder).join(format!("seed-{n:02}")), seed).unwrap();
+    }
+}
+
+/// Both versions and byte orders, every datatype, every way to say where the voxels lie.
+pub fn nifti() -> Vec<Vec<u8>> {
+    let mut files = Vec::new();
+    for version in [1, 2] {
+        for (datatype, bitpix) in [(2, 8), (4, 16), (8, 32), (16, 32), (64, 64), (256, 8), (512, 16), (1024, 64)] {
+            let voxels = stored(datatype);
+            let file = Nifti { datatype, bitpix, voxels, ..Nifti::small(version) };
+            files.push(Nifti { big_endian: true, ..file.clone() });
+            files.push(file);
+        }
+        let small = Nifti::small(version);
+        let quaternion = Nifti { qform_code: 1, sform_code: 0, quatern: [0.0, 0.6, 0.0], ..small.clone() };
+        files.push(Nifti { pixdim: [-1.0, 1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 0.0], ..quaternion.clone() });
+        files.push(quaternion);
+        files.push(Nifti { sform_code: 0, xyzt_units: 3, ..small.clone() });
+        files.push(Nifti { scl_slope: 2.0, scl_inter: -1.0, ..small.clone() });
+        files.push(Nifti { dim: [5, 4, 3, 2, 1, 1, 1, 1], vox_offset: 0.0, ..small.clone() });
+        files.push(Nifti { vox_offset: small.vox_offset + 16.0, extension: vec![0; 20], ..small });
+    }
+    let mut files: Vec<Vec<u8>> = files.iter().map(Nifti::bytes).collect();
+    let plain = Nifti::small(1).bytes();
+    files.push(gzip(&plain));
+    files.push(gzip(&Nifti::small(2).bytes()));
+    files.push([gzip(&plain[..100]), gzip(&plain[100..])].concat());
+    files.push([gzip(&plain), vec![0; 20]].concat());
+    // As many voxels as are allowed, and one row more.
+    for rows in [256, 257] {
+        let dim = [2, 256, rows, 1, 1, 1, 1, 1];
+        files.push(gzip(&Nifti { dim, voxels: vec![1; 256 * rows as usize], ..Nifti::small(1) }.bytes()));
+    }
+    files.push(long_tail(&plain));
+    files
+}
+
+/// With one byte more after its voxels than is tolerated, in 2 kB.
+fn long_tail(file: &[u8]) -> Vec<u8> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
+    encoder.write_all(&[file, &vec![0; (1 << 20) + 1]].concat()).unwrap();
+    encoder.finish().unwrap()
+}
+
+/// 24 voxels with two labels.
+fn stored(datatype: i16) -> Vec<u8> {
+    let labels = (0..24_i8).map(|n| n % 3);
+    match datatype {
+        4 | 512 => labels.flat_map(|n| i16::from(n).to_le_bytes()).collect(),
+        8 => labels.flat_map(|n| i32::from(n).to_le_bytes()).collect(),
+        16 => labels.flat_map(|n| f32::from(n).to_le_bytes()).collect(),
+        64 => labels.flat_map(|n| f64::from(n).to_le_bytes()).collect(),
+        1024 => labels.flat_map(|n| i64::from(n).to_le_bytes()).collect(),
+        _ => labels.flat_map(i8::to_le_bytes).collect(),
+    }
+}
+
+/// Every parameter in every form.
+pub fn params() -> Vec<Vec<u8>> {
+    let texts = [
+        "{}",
+        r#"{"labels":[11,-3],"grid":"auto","spacing_mm":2.5,"neighbors":{"k":12},"landmarks":"all"}"#,
+        r#"{"grid":{"rows":4,"cols":9},"neighbors":{"epsilon_mm":4.0},"landmarks":60,"prune":0.25}"#,
+        r#"{"labels":null,"margin":0.05,"lattice":"regular","correspondence":"paper","prune":"auto"}"#,
+        r#"{"lattice":"fitted","correspondence":"anchored","max_figures":3,"resolution_mm":1e0,"uncertainty":16}"#,
+        r#"{"max_figures":null,"resolution_mm":null,"spacing_mm":null,"neighbors":"auto","landmarks":"auto"}"#,
+        r#"{"margin":"\u00e9\n","labels":[[true,false,null]]}"#,
+    ];
+    texts.map(|text| text.as_bytes().to_vec()).to_vec()
+}
+
+/// Forms with the boundary `X`, good and nearly so.
+pub fn multipart() -> Vec<Vec<u8>> {
+    let plain = Nifti::small(1).bytes();
+    let packed = gzip(&plain);
+    let json: &[u8] = br#"{"margin":0.1,"grid":"auto"}"#;
+    vec![
+        form(&[("mask", "; filename=\"a.nii\"", &plain)]),
+        form(&[
+            ("mask", "; filename*=UTF-8''%e2%82%ac", &packed),
+            ("params", "\r\nContent-Type: application/json", json),
+        ]),
+        form(&[("params", "", json), ("mask", "", &packed)]),
+        form(&[("mask", "", &packed), ("mask", "", &packed)]),
+        form(&[("params", "", json)]),
+        form(&[("mask", "", &Nifti::small(2).bytes())]),
+        [b"preamble\r\n".to_vec(), form(&[("mask", "", &packed)]), b"epilogue".to_vec()].concat(),
+        b"--X--\r\n".to_vec(),
+    ]
+}
+
+fn form(parts: &[(&str, &str, &[u8])]) -> Vec<u8> {
+    let mut body = Vec::new();
+    for (name, more, content) in parts {
+        body.extend(format!("--X\r\nContent-Disposition: form-data; name=\"{name}\"{more}\r\n\r\n").into_bytes());
+        body.extend(*content);
+        body.extend(b"\r\n");
+    }
+    body.extend(b"--X--\r\n");
+    body
+}

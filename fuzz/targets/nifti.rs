@@ -1,0 +1,37 @@
+//! Files.
+
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+
+#[path = "../bodies/nifti.rs"]
+mod body;
+#[path = "../memory.rs"]
+mod memory;
+#[allow(dead_code, reason = "the seeds of the other targets are there too")]
+#[path = "../../tests/it/nifti_bytes.rs"]
+mod nifti_bytes;
+#[allow(dead_code, reason = "as above")]
+#[path = "../seeds.rs"]
+mod seeds;
+
+/// Buffers, the inflater, the table of two-byte values.
+const FIXED: usize = 1 << 20;
+/// What is remembered of a byte of content: at most every one is a label of its own.
+const PER_BYTE: usize = 64;
+/// Index of a voxel.
+const PER_VOXEL: usize = 2;
+/// No more is remembered than this, however many values there are.
+const REMEMBERED: usize = 16 << 20;
+/// Deflate shrinks no more than this.
+const DEFLATE: usize = 1032;
+
+fn budget(bytes: &[u8]) -> usize {
+    let content = if bytes.starts_with(&[0x1f, 0x8b]) { DEFLATE * bytes.len() } else { bytes.len() };
+    FIXED + PER_VOXEL * body::LIMITS.max_voxels as usize + REMEMBERED.min(PER_BYTE * content)
+}
+
+fuzz_target!(init: seeds::write(&seeds::nifti()), |bytes: &[u8]| {
+    memory::within(budget(bytes), || body::check(bytes));
+    body::check_in_gzip(bytes);
+});

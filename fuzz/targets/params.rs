@@ -1,0 +1,25 @@
+//! Parameters.
+
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+
+#[path = "../bodies/params.rs"]
+mod body;
+#[path = "../memory.rs"]
+mod memory;
+#[allow(dead_code, reason = "the seeds of the other targets are there too")]
+#[path = "../../tests/it/nifti_bytes.rs"]
+mod nifti_bytes;
+#[allow(dead_code, reason = "as above")]
+#[path = "../seeds.rs"]
+mod seeds;
+
+/// Texts of refusals, and the parameters as JSON.
+const FIXED: usize = 1 << 16;
+/// A value of two bytes (`1,`) takes 72 in memory, and again while its list grows.
+const PER_BYTE: usize = 160;
+
+fuzz_target!(init: seeds::write(&seeds::params()), |bytes: &[u8]| {
+    memory::within(FIXED + PER_BYTE * bytes.len(), || body::check(bytes));
+});

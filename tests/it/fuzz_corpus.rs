@@ -1,0 +1,42 @@
+//! Every input that fuzzing kept (`make fuzz`), replayed without a fuzzer.
+
+use std::path::Path;
+
+#[path = "../../fuzz/bodies/multipart.rs"]
+mod multipart;
+#[path = "../../fuzz/bodies/nifti.rs"]
+mod nifti;
+#[path = "../../fuzz/bodies/params.rs"]
+mod params;
+
+/// Runs `check` on each file of a corpus; a failure names its file.
+fn replay(target: &str, check: impl Fn(&[u8])) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus").join(target);
+    let mut files: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    assert!(files.len() >= 20, "{target}: {} files", files.len());
+    for file in files {
+        let bytes = std::fs::read(&file).unwrap();
+        let checked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| check(&bytes)));
+        assert!(checked.is_ok(), "{}", file.display());
+    }
+}
+
+#[test]
+fn every_fuzzed_input_is_answered_by_the_reader() {
+    replay("nifti", |bytes| {
+        nifti::check(bytes);
+        nifti::check_in_gzip(bytes);
+    });
+}
+
+#[test]
+fn every_fuzzed_input_is_answered_as_parameters() {
+    replay("params", params::check);
+}
+
+#[test]
+fn every_fuzzed_input_is_answered_as_a_form() {
+    let forms = multipart::Forms::open();
+    replay("multipart", |bytes| forms.check(bytes));
+}
