@@ -138,6 +138,11 @@ impl Service {
         self.process.wait().unwrap().code()
     }
 
+    /// Exit code once it has ended after an earlier SIGTERM.
+    pub fn end(&mut self) -> Option<i32> {
+        self.process.wait().unwrap().code()
+    }
+
     /// Resident memory and its peak, KiB.
     pub fn memory_kib(&self) -> (u64, u64) {
         let status = std::fs::read_to_string(format!("/proc/{}/status", self.pid())).unwrap();
