@@ -124,12 +124,13 @@ pub struct ListParams {
     #[param(inline)]
     state: Option<JobState>,
     /// Only those with this label, `name:value`.
-    #[param(example = "study:liver-07")]
+    #[param(example = "study:liver-07", pattern = "^[A-Za-z0-9._-]+:.*$")]
     label: Option<String>,
     /// Jobs per page, at most 200.
     #[param(minimum = 1, maximum = 200, default = 20)]
     limit: Option<u32>,
     /// `next_cursor` of the page before.
+    #[param(format = "uuid")]
     cursor: Option<String>,
 }
 
