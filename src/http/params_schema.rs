@@ -56,7 +56,7 @@ impl PartialSchema for FormSchema {
                 "params": {"$ref": "#/components/schemas/Params"},
                 "labels": {
                     "type": "object", "additionalProperties": {"type": "string", "maxLength": 256}, "maxProperties": 16,
-                    "propertyNames": {"pattern": "^[A-Za-z0-9._-]{1,64}$"},
+                    "propertyNames": {"type": "string", "pattern": "^[A-Za-z0-9._-]{1,64}$"},
                     "description": "To find jobs by. No patient data."
                 },
                 "callback_url": {
@@ -98,7 +98,10 @@ impl PartialSchema for ParamsSchema {
                             refused. Lengths are millimetres.",
             "properties": {
                 "labels": {
-                    "type": "array", "items": {"type": "integer", "format": "int64", "not": {"const": 0}},
+                    "type": "array", "items": {"oneOf": [
+                        {"type": "integer", "format": "int64", "minimum": 1},
+                        {"type": "integer", "format": "int64", "maximum": -1}
+                    ]},
                     "uniqueItems": true,
                     "minItems": LABEL_COUNT.start(), "maxItems": LABEL_COUNT.end(),
                     "description": "Labels to work on, each one structure. Default: all that are not 0."

@@ -59,6 +59,8 @@ mod process;
 
 mod soak;
 
+mod soak_hostile;
+
 mod api_submit;
 
 mod api_service;

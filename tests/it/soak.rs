@@ -18,7 +18,7 @@ use tempfile::TempDir;
 
 use crate::process::{Service, sample, sample_of};
 
-fn is_long() -> bool {
+pub fn is_long() -> bool {
     std::env::var_os("MEDIALREP_SOAK").is_some()
 }
 
@@ -28,7 +28,7 @@ fn count(short: usize, long: usize) -> usize {
 }
 
 /// Says a figure of the long form.
-fn tell(what: &str) {
+pub fn tell(what: &str) {
     if is_long() {
         println!("soak: {what}");
     }
