@@ -35,7 +35,7 @@ pub(super) struct Voxels {
 }
 
 /// Reads exactly `layout.voxels` voxels.
-pub(super) fn read_voxels<R: Read>(stream: &mut Stream<R>, layout: &Layout) -> Result<Voxels, ReadError> {
+pub(super) fn read_voxels<R: Read>(stream: &mut Stream<'_, R>, layout: &Layout) -> Result<Voxels, ReadError> {
     let size = layout.datatype.bytes();
     let mut table = Table::new(layout);
     let mut indices = Vec::with_capacity(layout.voxels.min(FIRST_RESERVATION));
@@ -50,7 +50,7 @@ pub(super) fn read_voxels<R: Read>(stream: &mut Stream<R>, layout: &Layout) -> R
         reserve(&mut indices, wanted / size, layout.voxels);
         table.decode(&buffer[..wanted], &mut indices)?;
     }
-    Ok(table.finish(indices))
+    table.finish(indices, stream)
 }
 
 /// Doubles as a vector does, but never beyond what the volume needs.
@@ -219,7 +219,9 @@ impl Table {
     }
 
     /// Sorts the labels and counts their voxels.
-    fn finish(self, mut indices: Vec<u16>) -> Voxels {
+    fn finish<R: Read>(self, mut indices: Vec<u16>, stream: &Stream<'_, R>) -> Result<Voxels, ReadError> {
+        /// Voxels between two looks at whether to go on.
+        const SLICE: usize = 1 << 20;
         let mut old_of_new: Vec<usize> = (1..self.labels.len()).filter(|old| self.labels[*old].is_some()).collect();
         old_of_new.sort_by_key(|old| self.labels[*old]);
         old_of_new.insert(0, 0);
@@ -229,19 +231,22 @@ impl Table {
         }
         let mut label_voxels = vec![0_u64; old_of_new.len()];
         let mut nan_voxels = 0;
-        for run in indices.chunk_by_mut(|a, b| a == b) {
-            let (old, count) = (run[0], run.len() as u64);
-            let new = new_of_old[usize::from(old)];
-            label_voxels[usize::from(new)] += count;
-            if self.nan == Some(old) {
-                nan_voxels += count;
-            }
-            if new != old {
-                run.fill(new);
+        for slice in indices.chunks_mut(SLICE) {
+            stream.check()?;
+            for run in slice.chunk_by_mut(|a, b| a == b) {
+                let (old, count) = (run[0], run.len() as u64);
+                let new = new_of_old[usize::from(old)];
+                label_voxels[usize::from(new)] += count;
+                if self.nan == Some(old) {
+                    nan_voxels += count;
+                }
+                if new != old {
+                    run.fill(new);
+                }
             }
         }
         let label_values = old_of_new.iter().map(|old| self.labels[*old].unwrap_or(0)).collect();
-        Voxels { indices, label_values, label_voxels, nan_voxels }
+        Ok(Voxels { indices, label_values, label_voxels, nan_voxels })
     }
 }
 
