@@ -54,13 +54,13 @@ impl Stages {
     fn of(spacing_mm: f64) -> Self {
         let sample = by_name("bent_even").expect("a sample of that name");
         let volume = sample.voxelise([spacing_mm; 3], Rotation3::identity()).expect("fits in memory");
-        let bounds = label_boxes(&volume)[1].expect("label 1 is there");
-        let solid = solid(&volume, 1, bounds, None, &mut Vec::new()).expect("a solid");
-        let depth = depth(&solid, skin(&solid));
+        let bounds = label_boxes(&volume, &Silent).expect("not cancelled")[1].expect("label 1 is there");
+        let solid = solid(&volume, 1, bounds, None, &mut Vec::new(), &Silent).expect("a solid");
+        let depth = depths(&solid);
         let surface = medial_surface(&solid, &depth, &Silent).expect("not cancelled");
-        let sheets = sheets(&surface, &depth, Prune::Auto, None);
-        let senses = Senses::of(&solid.inside, &solid.world_from_work);
-        let sides = sides(&depth, &solid.world_from_work, &surface, &sheets, &senses).expect("orientable");
+        let sheets = sheets(&surface, &depth, Prune::Auto, None, &Silent).expect("not cancelled");
+        let senses = senses(&solid);
+        let sides = sides(&depth, &solid.world_from_work, &surface, &sheets, &senses, &Silent).expect("orientable");
         let flat = laid_flat(&sides[0], solid.voxel_mm);
         let whole = whole_sheet(&sides[0], &flat, &solid, &depth, &senses);
         let (nodes, repair) = spokes(&solid, &depth, &sides[0], &whole);
@@ -72,42 +72,52 @@ impl Stages {
     }
 }
 
+fn depths(solid: &Solid) -> Depth {
+    depth(solid, skin(solid, &Silent).expect("not cancelled"), &Silent).expect("not cancelled")
+}
+
+fn senses(solid: &Solid) -> Senses {
+    Senses::of(&solid.inside, &solid.world_from_work, &Silent).expect("not cancelled")
+}
+
 fn laid_flat(sheet: &SheetSides, voxel_mm: f64) -> Flat {
     flatten(&sheet.medial, Neighbors::Auto, Landmarks::Auto, voxel_mm, &Silent).expect("a plane")
 }
 
 fn whole_sheet(sheet: &SheetSides, flat: &Flat, solid: &Solid, depth: &Depth, senses: &Senses) -> WholeSheet {
-    let (points, _) = framed(&flat.points, sheet, solid, senses);
-    let points = widened(sheet, &unfolded(sheet, &points), depth);
-    to_rim(&points, &Region::of(&points.flat), &sheet.hinge, solid, depth)
+    let (points, _) = framed(&flat.points, sheet, solid, senses, &Silent).expect("not cancelled");
+    let points = unfolded(sheet, &points, &Silent).expect("not cancelled");
+    let points = widened(sheet, &points, depth, &Silent).expect("not cancelled");
+    let region = Region::of(&points.flat, &Silent).expect("not cancelled");
+    to_rim(&points, &region, &sheet.hinge, solid, depth, &Silent).expect("not cancelled")
 }
 
 fn spokes(solid: &Solid, depth: &Depth, sheet: &SheetSides, whole: &WholeSheet) -> (Nodes, Repair) {
-    let lattice = lattice(&whole.region, LatticeKind::Fitted, SIZE, 0.05, 0.0).expect("a lattice");
-    anchored(solid, depth, sheet, whole, lattice)
+    let lattice = lattice(&whole.region, LatticeKind::Fitted, SIZE, 0.05, 0.0, &Silent).expect("not cancelled");
+    anchored(solid, depth, sheet, whole, lattice.expect("a lattice"), &Silent).expect("not cancelled")
 }
 
 fn stages(criterion: &mut Criterion) {
     for spacing_mm in SPACINGS_MM {
         let s = Stages::of(spacing_mm);
-        let senses = Senses::of(&s.solid.inside, &s.solid.world_from_work);
+        let senses = senses(&s.solid);
         let mut stage = |name: &str, work: &mut dyn FnMut()| {
             criterion.bench_function(&format!("{name}/{}", s.box_voxels()), |bencher| bencher.iter(&mut *work));
         };
         stage("mask", &mut || {
-            black_box(solid(&s.volume, 1, s.bounds, None, &mut Vec::new())).ok();
+            black_box(solid(&s.volume, 1, s.bounds, None, &mut Vec::new(), &Silent)).ok();
         });
         stage("distance", &mut || {
-            black_box(depth(&s.solid, skin(&s.solid)));
+            black_box(depths(&s.solid));
         });
         stage("skeleton", &mut || {
             black_box(medial_surface(&s.solid, &s.depth, &Silent)).ok();
         });
         stage("sheets", &mut || {
-            black_box(sheets(&s.surface, &s.depth, Prune::Auto, None));
+            black_box(sheets(&s.surface, &s.depth, Prune::Auto, None, &Silent)).ok();
         });
         stage("sides", &mut || {
-            black_box(sides(&s.depth, &s.solid.world_from_work, &s.surface, &s.sheets, &senses)).ok();
+            black_box(sides(&s.depth, &s.solid.world_from_work, &s.surface, &s.sheets, &senses, &Silent)).ok();
         });
         stage("isomap", &mut || {
             black_box(laid_flat(&s.sides[0], s.solid.voxel_mm));
@@ -120,7 +130,8 @@ fn stages(criterion: &mut Criterion) {
         });
         stage("quality", &mut || {
             let mut qualities = [FigureQuality { repair: s.repair, ..FigureQuality::default() }];
-            black_box(structure_quality(&s.solid, &s.depth, std::slice::from_ref(&s.nodes), &mut qualities));
+            let nodes = std::slice::from_ref(&s.nodes);
+            black_box(structure_quality(&s.solid, &s.depth, nodes, &mut qualities, &Silent)).ok();
         });
     }
 }
@@ -131,7 +142,7 @@ fn whole(criterion: &mut Criterion) {
     for spacing_mm in SPACINGS_MM {
         let sample = by_name("bent_even").expect("a sample of that name");
         let volume = sample.voxelise([spacing_mm; 3], Rotation3::identity()).expect("fits in memory");
-        let voxels = label_boxes(&volume)[1].expect("label 1 is there").voxels();
+        let voxels = label_boxes(&volume, &Silent).expect("not cancelled")[1].expect("label 1 is there").voxels();
         let file = folder.path().join("mask.nii.gz");
         nifti_write::write(&volume, std::fs::File::create(&file).expect("a file")).expect("written");
         criterion.bench_function(&format!("read/{voxels}"), |bencher| {

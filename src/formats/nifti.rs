@@ -12,6 +12,7 @@ use super::nifti_voxels::{Voxels, read_voxels};
 use super::read_error::ReadError;
 use super::sniff::{GZIP_MAGIC, SNIFF_BYTES, Version, sniff};
 use super::stream::Stream;
+use crate::numerics::cancel::{GoOn, to_the_end};
 use crate::space::{Grid, LabelVolume, VolumeNotice};
 
 /// Bytes tolerated after the last voxel: some tools pad or append. More means that the header
@@ -46,12 +47,12 @@ pub struct ReadVolume {
     pub format: &'static str,
 }
 
-/// Reads the file at `path`.
+/// Reads the file at `path`. `go_on` is asked every few hundred kilobytes.
 ///
 /// # Errors
-/// As [`read`].
-pub fn read_file(path: &Path, limits: InputLimits) -> Result<ReadVolume, ReadError> {
-    read(File::open(path).map_err(ReadError::Io)?, limits)
+/// As [`read`], and those of `go_on`.
+pub fn read_file(path: &Path, limits: InputLimits, go_on: &GoOn<'_>) -> Result<ReadVolume, ReadError> {
+    read_while(File::open(path).map_err(ReadError::Io)?, limits, go_on)
 }
 
 /// Reads a NIfTI-1 or NIfTI-2 file, plain or gzip.
@@ -59,7 +60,11 @@ pub fn read_file(path: &Path, limits: InputLimits) -> Result<ReadVolume, ReadErr
 /// # Errors
 /// When it is no single-volume label map, is damaged, or is larger than `limits`.
 pub fn read(source: impl Read, limits: InputLimits) -> Result<ReadVolume, ReadError> {
-    let mut stream = Stream::open(source, limits.max_decompressed_bytes)?;
+    read_while(source, limits, &to_the_end)
+}
+
+fn read_while(source: impl Read, limits: InputLimits, go_on: &GoOn<'_>) -> Result<ReadVolume, ReadError> {
+    let mut stream = Stream::open(source, limits.max_decompressed_bytes, go_on)?;
     let (raw, layout, version) = read_header(&mut stream, limits)?;
     let mut notices = Vec::new();
     let world_from_voxel = world_from_voxel(&raw, layout.dims, &mut notices)?;
@@ -105,14 +110,14 @@ pub struct HeaderFacts {
 /// When the header alone shows that [`read`] will fail.
 pub fn check_header(path: &Path, limits: InputLimits) -> Result<HeaderFacts, ReadError> {
     let file = File::open(path).map_err(ReadError::Io)?;
-    let mut stream = Stream::open(file, limits.max_decompressed_bytes)?;
+    let mut stream = Stream::open(file, limits.max_decompressed_bytes, &to_the_end)?;
     let (raw, layout, _) = read_header(&mut stream, limits)?;
     world_from_voxel(&raw, layout.dims, &mut Vec::new())?;
     Ok(HeaderFacts { voxels: layout.voxels as u64, is_compressed: stream.is_compressed() })
 }
 
 fn read_header<R: Read>(
-    stream: &mut Stream<R>,
+    stream: &mut Stream<'_, R>,
     limits: InputLimits,
 ) -> Result<(RawHeader, Layout, Version), ReadError> {
     let mut bytes = [0; 540];
@@ -128,7 +133,7 @@ fn read_header<R: Read>(
     Ok((raw, layout, kind.version))
 }
 
-fn skip_to_voxels<R: Read>(stream: &mut Stream<R>, layout: &Layout) -> Result<(), ReadError> {
+fn skip_to_voxels<R: Read>(stream: &mut Stream<'_, R>, layout: &Layout) -> Result<(), ReadError> {
     let gap = layout.offset - stream.position();
     if stream.skip(gap)? < gap {
         let expected = layout.offset + (layout.voxels * layout.datatype.bytes()) as u64;
@@ -139,7 +144,7 @@ fn skip_to_voxels<R: Read>(stream: &mut Stream<R>, layout: &Layout) -> Result<()
 
 /// Reads to the end: only then has gzip compared its checksum, and is the hash that of the
 /// whole file.
-fn drain<R: Read>(stream: &mut Stream<R>) -> Result<(), ReadError> {
+fn drain<R: Read>(stream: &mut Stream<'_, R>) -> Result<(), ReadError> {
     let expected = stream.position();
     if stream.skip(MAX_TAIL_BYTES + 1)? > MAX_TAIL_BYTES {
         return Err(ReadError::TrailingData { expected, allowed: MAX_TAIL_BYTES });

@@ -12,6 +12,8 @@ use super::stream::Stream;
 const CHUNK_BYTES: usize = 1 << 18;
 /// Voxels for which room is reserved before any has come: a header may lie about the rest.
 const FIRST_RESERVATION: usize = 1 << 20;
+/// Voxels that are kept or left out together: a page of memory.
+const BLOCK: usize = 2048;
 /// How far from a whole number a label may be after scaling: float32 volumes that went through
 /// a resampler with nearest neighbours stay within it, interpolated ones do not.
 const WHOLE_NUMBER_TOLERANCE: f64 = 1e-3;
@@ -35,29 +37,57 @@ pub(super) struct Voxels {
 }
 
 /// Reads exactly `layout.voxels` voxels.
-pub(super) fn read_voxels<R: Read>(stream: &mut Stream<R>, layout: &Layout) -> Result<Voxels, ReadError> {
+pub(super) fn read_voxels<R: Read>(stream: &mut Stream<'_, R>, layout: &Layout) -> Result<Voxels, ReadError> {
     let size = layout.datatype.bytes();
     let mut table = Table::new(layout);
-    let mut indices = Vec::with_capacity(layout.voxels.min(FIRST_RESERVATION));
-    let mut buffer = vec![0; CHUNK_BYTES];
-    while indices.len() < layout.voxels {
-        let wanted = ((layout.voxels - indices.len()) * size).min(CHUNK_BYTES);
+    let mut indices = Indices::new(layout.voxels);
+    let (mut buffer, mut chunk) = (vec![0; CHUNK_BYTES], Vec::with_capacity(CHUNK_BYTES / size));
+    while indices.filled < layout.voxels {
+        let wanted = ((layout.voxels - indices.filled) * size).min(CHUNK_BYTES);
         let got = stream.fill(&mut buffer[..wanted])?;
         if got < wanted {
             let expected = layout.offset + (layout.voxels * size) as u64;
             return Err(ReadError::Truncated { expected, got: stream.position() });
         }
-        reserve(&mut indices, wanted / size, layout.voxels);
-        table.decode(&buffer[..wanted], &mut indices)?;
+        chunk.clear();
+        table.decode(&buffer[..wanted], indices.filled, &mut chunk)?;
+        indices.take(&chunk);
     }
-    Ok(table.finish(indices))
+    table.finish(indices.kept, stream)
 }
 
-/// Doubles as a vector does, but never beyond what the volume needs.
-fn reserve(indices: &mut Vec<u16>, more: usize, total: usize) {
-    if indices.capacity() - indices.len() < more {
-        let target = (indices.capacity() * 2).max(indices.len() + more).min(total);
-        indices.reserve_exact(target - indices.len());
+/// Indices as they come. Memory of zeros takes no room until it is written to, and background is not
+/// written: a volume of nothing, gigabytes of it in a small file, takes next to none.
+struct Indices {
+    kept: Vec<u16>,
+    filled: usize,
+    total: usize,
+}
+
+impl Indices {
+    fn new(total: usize) -> Self {
+        Self { kept: vec![0; total.min(FIRST_RESERVATION)], filled: 0, total }
+    }
+
+    /// Doubles as a vector does, but never beyond what the volume needs.
+    fn take(&mut self, chunk: &[u16]) {
+        let end = self.filled + chunk.len();
+        if end > self.kept.len() {
+            let mut larger = vec![0; (2 * self.kept.len()).max(end).min(self.total)];
+            copy_all_but_background(&self.kept[..self.filled], &mut larger);
+            self.kept = larger;
+        }
+        copy_all_but_background(chunk, &mut self.kept[self.filled..end]);
+        self.filled = end;
+    }
+}
+
+/// Copies to memory of zeros.
+fn copy_all_but_background(from: &[u16], to: &mut [u16]) {
+    for (from, to) in from.chunks(BLOCK).zip(to.chunks_mut(BLOCK)) {
+        if from.iter().any(|index| *index != 0) {
+            to[..from.len()].copy_from_slice(from);
+        }
     }
 }
 
@@ -97,43 +127,55 @@ impl Table {
         }
     }
 
-    fn decode(&mut self, bytes: &[u8], indices: &mut Vec<u16>) -> Result<(), ReadError> {
+    fn decode(&mut self, bytes: &[u8], first: usize, chunk: &mut Vec<u16>) -> Result<(), ReadError> {
         match (self.datatype.bytes(), self.order) {
-            (1, _) => self.decode_small(bytes.iter().map(|b| u16::from(*b)), indices),
-            (2, ByteOrder::Little) => self.decode_small(patterns(bytes).map(u16::from_le_bytes), indices),
-            (2, ByteOrder::Big) => self.decode_small(patterns(bytes).map(u16::from_be_bytes), indices),
+            (1, _) => self.decode_small(bytes.iter().map(|b| u16::from(*b)), first, chunk),
+            (2, ByteOrder::Little) => self.decode_small(patterns(bytes).map(u16::from_le_bytes), first, chunk),
+            (2, ByteOrder::Big) => self.decode_small(patterns(bytes).map(u16::from_be_bytes), first, chunk),
             (4, ByteOrder::Little) => {
-                self.decode_wide(patterns(bytes).map(|b| u64::from(u32::from_le_bytes(b))), indices)
+                self.decode_wide(patterns(bytes).map(|b| u64::from(u32::from_le_bytes(b))), first, chunk)
             }
-            (4, ByteOrder::Big) => self.decode_wide(patterns(bytes).map(|b| u64::from(u32::from_be_bytes(b))), indices),
-            (_, ByteOrder::Little) => self.decode_wide(patterns(bytes).map(u64::from_le_bytes), indices),
-            (_, ByteOrder::Big) => self.decode_wide(patterns(bytes).map(u64::from_be_bytes), indices),
+            (4, ByteOrder::Big) => {
+                self.decode_wide(patterns(bytes).map(|b| u64::from(u32::from_be_bytes(b))), first, chunk)
+            }
+            (_, ByteOrder::Little) => self.decode_wide(patterns(bytes).map(u64::from_le_bytes), first, chunk),
+            (_, ByteOrder::Big) => self.decode_wide(patterns(bytes).map(u64::from_be_bytes), first, chunk),
         }
     }
 
-    fn decode_small(&mut self, values: impl Iterator<Item = u16>, indices: &mut Vec<u16>) -> Result<(), ReadError> {
+    fn decode_small(
+        &mut self,
+        values: impl Iterator<Item = u16>,
+        first: usize,
+        chunk: &mut Vec<u16>,
+    ) -> Result<(), ReadError> {
         for pattern in values {
             let mut index = self.small[usize::from(pattern)];
             if index == UNSEEN {
-                index = u32::from(self.index_of(u64::from(pattern), indices.len())?);
+                index = u32::from(self.index_of(u64::from(pattern), first + chunk.len())?);
                 self.small[usize::from(pattern)] = index;
             }
             #[allow(clippy::cast_possible_truncation, reason = "every entry but UNSEEN came from a u16")]
-            indices.push(index as u16);
+            chunk.push(index as u16);
         }
         Ok(())
     }
 
-    fn decode_wide(&mut self, values: impl Iterator<Item = u64>, indices: &mut Vec<u16>) -> Result<(), ReadError> {
+    fn decode_wide(
+        &mut self,
+        values: impl Iterator<Item = u64>,
+        first: usize,
+        chunk: &mut Vec<u16>,
+    ) -> Result<(), ReadError> {
         // Neighbours are mostly alike: ask the map only when the pattern changes.
         let mut last: Option<(u64, u16)> = None;
         for pattern in values {
             let index = match last {
                 Some((same, index)) if same == pattern => index,
-                _ => self.remembered(pattern, indices.len())?,
+                _ => self.remembered(pattern, first + chunk.len())?,
             };
             last = Some((pattern, index));
-            indices.push(index);
+            chunk.push(index);
         }
         Ok(())
     }
@@ -219,7 +261,9 @@ impl Table {
     }
 
     /// Sorts the labels and counts their voxels.
-    fn finish(self, mut indices: Vec<u16>) -> Voxels {
+    fn finish<R: Read>(self, mut indices: Vec<u16>, stream: &Stream<'_, R>) -> Result<Voxels, ReadError> {
+        /// Voxels between two looks at whether to go on.
+        const SLICE: usize = 1 << 20;
         let mut old_of_new: Vec<usize> = (1..self.labels.len()).filter(|old| self.labels[*old].is_some()).collect();
         old_of_new.sort_by_key(|old| self.labels[*old]);
         old_of_new.insert(0, 0);
@@ -229,19 +273,22 @@ impl Table {
         }
         let mut label_voxels = vec![0_u64; old_of_new.len()];
         let mut nan_voxels = 0;
-        for run in indices.chunk_by_mut(|a, b| a == b) {
-            let (old, count) = (run[0], run.len() as u64);
-            let new = new_of_old[usize::from(old)];
-            label_voxels[usize::from(new)] += count;
-            if self.nan == Some(old) {
-                nan_voxels += count;
-            }
-            if new != old {
-                run.fill(new);
+        for slice in indices.chunks_mut(SLICE) {
+            stream.check()?;
+            for run in slice.chunk_by_mut(|a, b| a == b) {
+                let (old, count) = (run[0], run.len() as u64);
+                let new = new_of_old[usize::from(old)];
+                label_voxels[usize::from(new)] += count;
+                if self.nan == Some(old) {
+                    nan_voxels += count;
+                }
+                if new != old {
+                    run.fill(new);
+                }
             }
         }
         let label_values = old_of_new.iter().map(|old| self.labels[*old].unwrap_or(0)).collect();
-        Voxels { indices, label_values, label_voxels, nan_voxels }
+        Ok(Voxels { indices, label_values, label_voxels, nan_voxels })
     }
 }
 

@@ -1,6 +1,7 @@
 //! Why a file is refused. The fields hold numbers and fixed words only: text of a header may
 //! name a patient.
 
+use crate::numerics::cancel::Cancelled;
 use crate::problem::Problem;
 
 /// A file that is not read. Every variant has its own stable code.
@@ -115,6 +116,9 @@ pub enum ReadError {
     /// The file could not be read at all: our fault or the disk's.
     #[error("reading failed: {0}")]
     Io(std::io::Error),
+    /// The reader was told to stop; nothing is known of the file.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
 }
 
 impl ReadError {
@@ -138,6 +142,7 @@ impl ReadError {
             Self::NotALabelMap { .. } => "not_a_label_map",
             Self::TooManyLabels { .. } => "too_many_labels",
             Self::Io(_) => "internal",
+            Self::Cancelled(_) => "cancelled",
         }
     }
 
@@ -159,7 +164,7 @@ impl ReadError {
             | Self::BadAffine { .. }
             | Self::NotALabelMap { .. }
             | Self::TooManyLabels { .. } => 422,
-            Self::Io(_) => 500,
+            Self::Io(_) | Self::Cancelled(_) => 500,
         }
     }
 
@@ -179,7 +184,7 @@ impl ReadError {
             Self::UnsupportedDatatype { .. } => "header.datatype".to_owned(),
             Self::BadHeaderField { field, .. } | Self::BadAffine { field, .. } => format!("header.{field}"),
             Self::NotALabelMap { voxel, .. } => format!("voxel {voxel:?}"),
-            Self::TooManyLabels { .. } | Self::Io(_) => "the voxels".to_owned(),
+            Self::TooManyLabels { .. } | Self::Io(_) | Self::Cancelled(_) => "the voxels".to_owned(),
         }
     }
 
@@ -204,14 +209,14 @@ impl ReadError {
             Self::BadAffine { .. } => "set a valid sform or qform (finite, no two axes parallel, spacing in mm)",
             Self::NotALabelMap { .. } => "threshold it first, and save labels without interpolation",
             Self::TooManyLabels { .. } => "send a label map, not an intensity image",
-            Self::Io(_) => "try again later",
+            Self::Io(_) | Self::Cancelled(_) => "try again later",
         }
     }
 }
 
 impl From<&ReadError> for Problem {
     fn from(error: &ReadError) -> Self {
-        if matches!(error, ReadError::Io(_)) {
+        if matches!(error, ReadError::Io(_) | ReadError::Cancelled(_)) {
             return Self::internal();
         }
         Self::new(error.status(), error.code(), error.to_string()).at(error.location()).hint(error.hint())

@@ -7,6 +7,7 @@ use sha2::{Digest, Sha256};
 
 use super::read_error::ReadError;
 use super::sniff::GZIP_MAGIC;
+use crate::numerics::cancel::GoOn;
 
 /// A buffered source that hashes all that passes.
 struct Hashed<R> {
@@ -34,8 +35,9 @@ enum Inner<R: Read> {
 }
 
 /// A file's content.
-pub(super) struct Stream<R: Read> {
+pub(super) struct Stream<'a, R: Read> {
     inner: Inner<R>,
+    go_on: &'a GoOn<'a>,
     compressed: bool,
     position: u64,
     limit: u64,
@@ -47,13 +49,13 @@ pub(super) struct Digested {
     pub bytes: u64,
 }
 
-impl<R: Read> Stream<R> {
+impl<'a, R: Read> Stream<'a, R> {
     /// Opens; gzip is told by its magic. No more than `limit` bytes will come out.
-    pub fn open(source: R, limit: u64) -> Result<Self, ReadError> {
+    pub fn open(source: R, limit: u64, go_on: &'a GoOn<'a>) -> Result<Self, ReadError> {
         let mut source = BufReader::with_capacity(1 << 16, Hashed { source, hash: Sha256::new(), bytes: 0 });
         let compressed = source.fill_buf().map_err(ReadError::Io)?.starts_with(&GZIP_MAGIC);
         let inner = if compressed { Inner::Gzip(Box::new(GzDecoder::new(source))) } else { Inner::Plain(source) };
-        Ok(Self { inner, compressed, position: 0, limit })
+        Ok(Self { inner, go_on, compressed, position: 0, limit })
     }
 
     /// Whether it was gzip.
@@ -66,8 +68,14 @@ impl<R: Read> Stream<R> {
         self.position
     }
 
-    /// Fills `buffer` as far as the content goes.
+    /// Whether to go on reading.
+    pub fn check(&self) -> Result<(), ReadError> {
+        Ok((self.go_on)()?)
+    }
+
+    /// Fills `buffer` as far as the content goes, unless it is told to stop.
     pub fn fill(&mut self, buffer: &mut [u8]) -> Result<usize, ReadError> {
+        self.check()?;
         let mut filled = 0;
         while filled < buffer.len() {
             let count = self.read_some(&mut buffer[filled..])?;

@@ -11,7 +11,7 @@ use sha2::{Digest, Sha256};
 use crate::formats::thickness_json::{InputFacts, OuterTimings};
 use crate::formats::{self, ReadError, glb, hex, tables, thickness_json};
 use crate::pipeline::model::Model;
-use crate::pipeline::observer::{Cancelled, Observer, Stage, Warning};
+use crate::pipeline::observer::{Cancelled, Observer, Silent, Stage, Warning};
 use crate::pipeline::params::CheckedParams;
 use crate::pipeline::{self, PipelineError};
 use crate::problem::Problem;
@@ -73,8 +73,10 @@ impl From<Cancelled> for ProcessError {
 
 impl From<ReadError> for ProcessError {
     fn from(error: ReadError) -> Self {
-        if let ReadError::Io(error) = &error {
-            tracing::error!(%error, "reading the mask failed");
+        match &error {
+            ReadError::Cancelled(_) => return Self::Cancelled,
+            ReadError::Io(error) => tracing::error!(%error, "reading the mask failed"),
+            _ => {}
         }
         Problem::from(&error).into()
     }
@@ -91,6 +93,9 @@ impl From<PipelineError> for ProcessError {
 
 impl From<io::Error> for ProcessError {
     fn from(error: io::Error) -> Self {
+        if error.get_ref().is_some_and(|inner| inner.is::<Cancelled>()) {
+            return Self::Cancelled;
+        }
         tracing::error!(%error, "writing the results failed");
         match error.kind() {
             io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
@@ -118,8 +123,7 @@ pub fn process(
 ) -> Result<Processed, ProcessError> {
     let start = Instant::now();
     remove_artifacts(out);
-    let read = formats::read_file(mask, limits)?;
-    observer.check()?;
+    let read = formats::read_file(mask, limits, &|| observer.check())?;
     let read_ms = milliseconds(start);
     let model = pipeline::run(&read.volume, params, observer)?;
     let notices = read.volume.notices;
@@ -149,7 +153,7 @@ pub struct Source {
 /// When writing fails or the run is cancelled.
 pub fn publish(model: &Model, source: &Source, out: &Path, observer: &dyn Observer) -> Result<Processed, ProcessError> {
     let write_start = Instant::now();
-    let draft = Draft { folder: out, is_complete: false };
+    let draft = Draft { folder: out, observer, is_complete: false };
     let write = |index: usize| {
         observer.check()?;
         let (name, media_type) = ARTIFACTS[index];
@@ -185,7 +189,7 @@ fn stage_seconds(model: &Model) -> Vec<(Stage, f64)> {
 /// # Errors
 /// When it cannot be read.
 pub fn sha256_of_file(path: &Path) -> io::Result<String> {
-    let mut hash = Hashed { inner: io::sink(), hash: Sha256::new(), bytes: 0 };
+    let mut hash = Hashed { inner: io::sink(), observer: &Silent, hash: Sha256::new(), bytes: 0 };
     io::copy(&mut File::open(path)?, &mut hash)?;
     Ok(hex(&hash.hash.finalize()))
 }
@@ -197,6 +201,7 @@ fn milliseconds(since: Instant) -> f64 {
 /// Files under temporary names until all are there; dropped before that, it removes them.
 struct Draft<'a> {
     folder: &'a Path,
+    observer: &'a dyn Observer,
     is_complete: bool,
 }
 
@@ -204,7 +209,7 @@ impl Draft<'_> {
     /// Size and hash of what `write` wrote.
     fn write(&self, name: &str, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<(u64, String)> {
         let file = File::create(partial(self.folder, name))?;
-        let mut hashed = Hashed { inner: file, hash: Sha256::new(), bytes: 0 };
+        let mut hashed = Hashed { inner: file, observer: self.observer, hash: Sha256::new(), bytes: 0 };
         let mut buffered = BufWriter::with_capacity(1 << 16, &mut hashed);
         write(&mut buffered)?;
         buffered.flush()?;
@@ -241,14 +246,17 @@ fn remove_artifacts(folder: &Path) {
     }
 }
 
-struct Hashed<W> {
+struct Hashed<'a, W> {
     inner: W,
+    observer: &'a dyn Observer,
     hash: Sha256,
     bytes: u64,
 }
 
-impl<W: Write> Write for Hashed<W> {
+impl<W: Write> Write for Hashed<'_, W> {
+    /// Ends with [`Cancelled`] once the observer asks to stop.
     fn write(&mut self, buffer: &[u8]) -> io::Result<usize> {
+        self.observer.check().map_err(io::Error::other)?;
         let count = self.inner.write(buffer)?;
         self.hash.update(&buffer[..count]);
         self.bytes += count as u64;

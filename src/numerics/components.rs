@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use crate::space::Grid;
 
+use super::cancel::{Cancelled, GoOn};
 use super::field::id;
 
 /// Which voxels touch.
@@ -73,12 +74,22 @@ impl Components {
 }
 
 /// Components of the voxels of `grid` that are `value`.
-#[must_use]
-pub fn components(grid: &Grid<bool>, value: bool, connectivity: Connectivity) -> Components {
+///
+/// # Errors
+/// Those of `go_on`.
+pub fn components(
+    grid: &Grid<bool>,
+    value: bool,
+    connectivity: Connectivity,
+    go_on: &GoOn<'_>,
+) -> Result<Components, Cancelled> {
+    /// Runs that are numbered between two looks at `go_on`.
+    const RUNS: usize = 1 << 16;
     let [width, ny, nz] = grid.dims();
-    let (runs, first_of_row) = runs_of(grid, value);
+    let (runs, first_of_row) = runs_of(grid, value, go_on)?;
     let mut parent: Vec<u32> = (0..id(runs.len())).collect();
     for (k, j) in (0..nz).flat_map(|k| (0..ny).map(move |j| (k, j))) {
+        go_on()?;
         let row = j + ny * k;
         let is_diagonal = connectivity == Connectivity::Corners26;
         let before = [
@@ -94,19 +105,23 @@ pub fn components(grid: &Grid<bool>, value: bool, connectivity: Connectivity) ->
     }
     let (mut number, mut sizes) = (vec![0; runs.len()], Vec::new());
     for (k, run) in runs.iter().enumerate() {
+        if k.is_multiple_of(RUNS) {
+            go_on()?;
+        }
         // The root of a component is its first run.
         let root = root(&mut parent, id(k)) as usize;
         number[k] = if root == k { id(sizes.len()) } else { number[root] };
         sizes.resize(sizes.len().max(number[k] as usize + 1), 0);
         sizes[number[k] as usize] += (run.to - run.from) as usize;
     }
-    Components { width, runs, number, sizes }
+    Ok(Components { width, runs, number, sizes })
 }
 
 /// All runs, and the number of the first run of every row, with that of all at the end.
-fn runs_of(grid: &Grid<bool>, value: bool) -> (Vec<Run>, Vec<usize>) {
+fn runs_of(grid: &Grid<bool>, value: bool, go_on: &GoOn<'_>) -> Result<(Vec<Run>, Vec<usize>), Cancelled> {
     let [nx, ny, _] = grid.dims();
     let of_plane = |(k, plane): (usize, &[bool])| {
+        go_on()?;
         let mut runs = Vec::new();
         for (j, row) in plane.chunks_exact(nx).enumerate() {
             let mut at = 0;
@@ -116,16 +131,17 @@ fn runs_of(grid: &Grid<bool>, value: bool) -> (Vec<Run>, Vec<usize>) {
                 runs.push(Run { row: id(j + ny * k), from: id(from), to: id(at) });
             }
         }
-        runs
+        Ok(runs)
     };
-    let runs: Vec<Vec<Run>> = grid.as_slice().par_chunks(nx * ny).enumerate().map(of_plane).collect();
+    let planes = grid.as_slice().par_chunks(nx * ny).enumerate();
+    let runs: Vec<Vec<Run>> = planes.map(of_plane).collect::<Result<_, Cancelled>>()?;
     let runs = runs.concat();
     let mut first_of_row = Vec::new();
     for (k, run) in runs.iter().enumerate() {
         first_of_row.resize((run.row as usize + 1).max(first_of_row.len()), k);
     }
     first_of_row.resize(grid.as_slice().len() / nx + 1, runs.len());
-    (runs, first_of_row)
+    Ok((runs, first_of_row))
 }
 
 /// Calls `meet` with every pair of runs of two neighbouring rows that overlap, or lie no more than
@@ -160,17 +176,20 @@ fn unite(parent: &mut [u32], a: u32, b: u32) {
 }
 
 /// Voxels that are `value` with a face on one that is not, ascending. The grid's edge is no face.
-#[must_use]
-pub fn boundary_voxels(grid: &Grid<bool>, value: bool) -> Vec<usize> {
+///
+/// # Errors
+/// Those of `go_on`.
+pub fn boundary_voxels(grid: &Grid<bool>, value: bool, go_on: &GoOn<'_>) -> Result<Vec<usize>, Cancelled> {
     let [nx, ny, nz] = grid.dims();
     let cells = grid.as_slice();
     let of_row = |row: usize| {
+        go_on()?;
         let (j, k, start) = (row % ny, row / ny, row * nx);
         let at = |row: usize| &cells[row * nx..(row + 1) * nx];
         let own = at(row);
         let mut found = Vec::new();
         if !own.contains(&value) {
-            return found;
+            return Ok(found);
         }
         let beside = [
             at(if j > 0 { row - 1 } else { row }),
@@ -184,9 +203,10 @@ pub fn boundary_voxels(grid: &Grid<bool>, value: bool) -> Vec<usize> {
                 found.push(start + x);
             }
         }
-        found
+        Ok(found)
     };
-    (0..ny * nz).into_par_iter().with_min_len(64).flat_map_iter(of_row).collect()
+    let rows = (0..ny * nz).into_par_iter().with_min_len(64).map(of_row);
+    Ok(rows.collect::<Result<Vec<Vec<usize>>, Cancelled>>()?.concat())
 }
 
 /// Calls `visit` with the offset of every neighbour inside the grid.
@@ -213,6 +233,7 @@ pub fn neighbors(dims: [usize; 3], offset: usize, connectivity: Connectivity, mu
 
 #[cfg(test)]
 mod tests {
+    use super::super::cancel::to_the_end;
     use super::*;
 
     /// Sizes in the order of the first voxel, by growing one voxel at a time.
@@ -242,14 +263,16 @@ mod tests {
             let cells = (0..504usize).map(|o| (o * o * 31 + o * 7919 + 13) % 1009 % divisor < limit).collect();
             let grid = Grid::from_vec(dims, cells).expect("9 × 8 × 7 voxels");
             for connectivity in [Connectivity::Faces6, Connectivity::Corners26] {
-                assert_eq!(components(&grid, true, connectivity).sizes, grown(&grid, connectivity));
+                let found = components(&grid, true, connectivity, &to_the_end).expect("not stopped");
+                assert_eq!(found.sizes, grown(&grid, connectivity));
             }
         }
     }
 
     #[test]
     fn an_empty_set_has_no_component() {
-        let found = components(&Grid::filled([3, 2, 2], false), true, Connectivity::Corners26);
+        let empty = Grid::filled([3, 2, 2], false);
+        let found = components(&empty, true, Connectivity::Corners26, &to_the_end).expect("not stopped");
         assert!(found.sizes.is_empty() && found.largest().is_none() && found.of_first_voxel().is_none());
     }
 }

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use crate::space::Grid;
 
+use super::cancel::{Cancelled, GoOn};
 use super::field::id;
 
 /// No seed anywhere.
@@ -27,9 +28,16 @@ pub struct Nearest {
 /// Distance from every voxel centre to the nearest of `seeds` (offsets of voxels).
 ///
 /// `spacing` are the voxel's edges. Without a seed all distances are infinite.
-#[must_use]
-pub fn nearest_seed(dims: [usize; 3], spacing: [f64; 3], seeds: &[usize]) -> Nearest {
-    transform(dims, spacing, seeds, None)
+///
+/// # Errors
+/// Those of `go_on`.
+pub fn nearest_seed(
+    dims: [usize; 3],
+    spacing: [f64; 3],
+    seeds: &[usize],
+    go_on: &GoOn<'_>,
+) -> Result<Nearest, Cancelled> {
+    transform(dims, spacing, seeds, None, go_on)
 }
 
 /// The same for the voxels of a set only, whose boundary voxels (those with a face on the outside)
@@ -38,37 +46,54 @@ pub fn nearest_seed(dims: [usize; 3], spacing: [f64; 3], seeds: &[usize]) -> Nea
 /// Any path of axis steps from a voxel to its nearest seed stays in the set, else it would meet a
 /// nearer seed where it leaves it. So lines are cut where the set ends, and the cost goes with its
 /// voxels.
-#[must_use]
-pub fn nearest_seed_within(set: &Grid<bool>, seeds: &[usize]) -> Nearest {
-    transform(set.dims(), [1.0; 3], seeds, Some(set))
+///
+/// # Errors
+/// Those of `go_on`.
+pub fn nearest_seed_within(set: &Grid<bool>, seeds: &[usize], go_on: &GoOn<'_>) -> Result<Nearest, Cancelled> {
+    transform(set.dims(), [1.0; 3], seeds, Some(set), go_on)
 }
 
-fn transform(dims: [usize; 3], spacing: [f64; 3], seeds: &[usize], set: Option<&Grid<bool>>) -> Nearest {
-    let mut squared = Grid::filled(dims, f32::INFINITY);
-    let mut seed = Grid::filled(dims, NO_SEED);
+fn transform(
+    dims: [usize; 3],
+    spacing: [f64; 3],
+    seeds: &[usize],
+    set: Option<&Grid<bool>>,
+    go_on: &GoOn<'_>,
+) -> Result<Nearest, Cancelled> {
+    /// Seeds that are set between two looks at `go_on`.
+    const SEEDS: usize = 1 << 18;
+    let mut squared = Grid::try_filled(dims, f32::INFINITY, go_on)?;
+    let mut seed = Grid::try_filled(dims, NO_SEED, go_on)?;
     for (number, &offset) in seeds.iter().enumerate() {
+        if number.is_multiple_of(SEEDS) {
+            go_on()?;
+        }
         squared.as_mut_slice()[offset] = 0.0;
         seed.as_mut_slice()[offset] = id(number);
     }
     let [nx, ny, nz] = dims;
     let rows = squared.as_mut_slice().par_chunks_mut(nx).zip(seed.as_mut_slice().par_chunks_mut(nx));
-    rows.enumerate().with_min_len(64).for_each(|(n, (squared, seed))| {
+    rows.enumerate().with_min_len(64).try_for_each(|(n, (squared, seed))| {
+        go_on()?;
         along_row(squared, seed, spacing[0], |x| set.is_none_or(|set| set.as_slice()[n * nx + x]));
-    });
+        Ok(())
+    })?;
     for axis in [1, 2] {
         let groups = squared.rows_across(axis).into_par_iter().zip(seed.rows_across(axis));
-        groups.enumerate().for_each(|(n, (mut squared, mut seed))| {
+        groups.enumerate().try_for_each(|(n, (mut squared, mut seed))| {
             let row = |line: usize| if axis == 1 { line + ny * n } else { n + ny * line };
             let mut lines = Lines::new(if axis == 1 { ny } else { nz }, spacing[axis]);
             for from in (0..nx).step_by(LINES) {
+                go_on()?;
                 let taken = from..(from + LINES).min(nx);
                 lines.work_on(&mut squared, &mut seed, taken, |line, x| {
                     set.is_none_or(|set| set.as_slice()[row(line) * nx + x])
                 });
             }
-        });
+            Ok(())
+        })?;
     }
-    Nearest { squared, seed }
+    Ok(Nearest { squared, seed })
 }
 
 /// Nearest seeds of a row of which the seeds alone are set. Of two as near, the first.
@@ -214,6 +239,7 @@ impl Envelope {
 
 #[cfg(test)]
 mod tests {
+    use super::super::cancel::to_the_end;
     use super::super::components::{Connectivity, neighbors};
     use super::*;
 
@@ -231,7 +257,7 @@ mod tests {
     fn agrees_with_brute_force_on_anisotropic_voxels() {
         let (dims, spacing) = ([19, 7, 8], [1.0, 2.5, 0.7]);
         let seeds: Vec<usize> = (0..19 * 7 * 8usize).filter(|o| (o * 7919 + 13).is_multiple_of(97)).collect();
-        let found = nearest_seed(dims, spacing, &seeds);
+        let found = nearest_seed(dims, spacing, &seeds, &to_the_end).expect("not stopped");
         for o in 0..19 * 7 * 8 {
             let best = brute_force(dims, spacing, &seeds, o);
             let seed = seeds[found.seed.as_slice()[o] as usize];
@@ -256,7 +282,7 @@ mod tests {
             set.as_slice()[*o] && open
         };
         let seeds: Vec<usize> = (0..set.as_slice().len()).filter(on_boundary).collect();
-        let found = nearest_seed_within(&set, &seeds);
+        let found = nearest_seed_within(&set, &seeds, &to_the_end).expect("not stopped");
         for o in 0..set.as_slice().len() {
             let squared = f64::from(found.squared.as_slice()[o]);
             if set.as_slice()[o] {
@@ -269,7 +295,7 @@ mod tests {
 
     #[test]
     fn without_a_seed_everything_is_infinitely_far() {
-        let found = nearest_seed([3, 3, 3], [1.0; 3], &[]);
+        let found = nearest_seed([3, 3, 3], [1.0; 3], &[], &to_the_end).expect("not stopped");
         assert!(found.squared.as_slice().iter().all(|d| d.is_infinite()));
     }
 }

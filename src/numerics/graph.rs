@@ -2,6 +2,7 @@
 
 use std::hint::black_box;
 
+use super::cancel::{Cancelled, GoOn};
 use super::field::{floor_index, id};
 
 /// Bits that a length takes at most: with more, sums over tens of thousands of edges would not fit.
@@ -29,12 +30,15 @@ pub struct Graph {
 impl Graph {
     /// From one list of `(neighbour, length)` per node, and all nodes in the order in which to keep
     /// them. Lengths must be positive and finite, and every edge must be listed from both ends.
-    #[must_use]
-    pub fn from_lists(lists: &[Vec<(u32, f32)>], order: &[u32]) -> Self {
+    ///
+    /// # Errors
+    /// Those of `go_on`.
+    pub fn from_lists(lists: &[Vec<(u32, f32)>], order: &[u32], go_on: &GoOn<'_>) -> Result<Self, Cancelled> {
         let mut place = vec![0; order.len()];
         order.iter().enumerate().for_each(|(at, &node)| place[node as usize] = id(at));
         let (mut widest, mut longest) = (0, f32::MIN_POSITIVE);
         for (node, list) in lists.iter().enumerate() {
+            go_on()?;
             for &(next, length) in list {
                 widest = widest.max(place[node].abs_diff(place[next as usize]));
                 longest = longest.max(length);
@@ -47,13 +51,14 @@ impl Graph {
         let unit = (f64::from(longest) / f64::from(most)).log2().ceil().exp2();
         let (mut rows, mut edges) = (vec![0], Vec::with_capacity(lists.iter().map(Vec::len).sum()));
         for (at, &node) in order.iter().enumerate() {
+            go_on()?;
             for &(next, length) in &lists[node as usize] {
                 let units = id(floor_index(f64::from(length) / unit + 0.5)).clamp(1, most);
                 edges.push(place[next as usize].wrapping_sub(id(at)) << length_bits | units);
             }
             rows.push(id(edges.len()));
         }
-        Self { place, rows, edges, length_bits, unit }
+        Ok(Self { place, rows, edges, length_bits, unit })
     }
 
     /// Number of nodes.
@@ -82,30 +87,30 @@ impl Graph {
     }
 
     /// Length of the shortest path from `source` to every node; infinite where there is none.
-    #[must_use]
-    pub fn geodesics(&self, source: usize) -> Vec<f32> {
-        let mut distances = vec![UNREACHED; self.len()];
-        self.improve(&mut distances, self.place[source]);
-        #[expect(clippy::cast_possible_truncation, reason = "f32 is as exact as the units")]
-        let length = |d: u32| if d == UNREACHED { f32::INFINITY } else { (f64::from(d) * self.unit) as f32 };
-        self.place.iter().map(|&place| length(distances[place as usize])).collect()
-    }
-
-    /// `count` nodes each as far as can be from those before, the first as far as can be from node 0.
-    /// `go_on` is asked before each.
     ///
     /// # Errors
     /// Those of `go_on`.
-    pub fn spread<E>(&self, count: usize, go_on: impl Fn() -> Result<(), E>) -> Result<Vec<usize>, E> {
+    pub fn geodesics(&self, source: usize, go_on: &GoOn<'_>) -> Result<Vec<f32>, Cancelled> {
+        let mut distances = vec![UNREACHED; self.len()];
+        self.improve(&mut distances, self.place[source], go_on)?;
+        #[expect(clippy::cast_possible_truncation, reason = "f32 is as exact as the units")]
+        let length = |d: u32| if d == UNREACHED { f32::INFINITY } else { (f64::from(d) * self.unit) as f32 };
+        Ok(self.place.iter().map(|&place| length(distances[place as usize])).collect())
+    }
+
+    /// `count` nodes each as far as can be from those before, the first as far as can be from node 0.
+    ///
+    /// # Errors
+    /// Those of `go_on`.
+    pub fn spread(&self, count: usize, go_on: &GoOn<'_>) -> Result<Vec<usize>, Cancelled> {
         let mut nearest = vec![UNREACHED; self.len()];
         let Some(&first) = self.place.first() else { return Ok(Vec::new()) };
-        self.improve(&mut nearest, first);
+        self.improve(&mut nearest, first, go_on)?;
         let mut next = self.farthest(&nearest);
         nearest.fill(UNREACHED);
         let mut nodes = Vec::new();
         while nodes.len() < count.min(self.len()) {
-            go_on()?;
-            self.improve(&mut nearest, self.place[next]);
+            self.improve(&mut nearest, self.place[next], go_on)?;
             nodes.push(next);
             next = self.farthest(&nearest);
         }
@@ -118,7 +123,7 @@ impl Graph {
     ///
     /// Nodes wait in buckets of equal width by their distance (Dial, CACM 12, 1969); one whose
     /// distance is lowered again within its bucket is gone through again, so the outcome is exact.
-    fn improve(&self, distances: &mut [u32], source: u32) {
+    fn improve(&self, distances: &mut [u32], source: u32, go_on: &GoOn<'_>) -> Result<(), Cancelled> {
         /// Buckets per longest edge, as bits. With more, more are searched in vain; with fewer, more
         /// nodes come twice.
         const BITS_PER_EDGE: u32 = 3;
@@ -126,13 +131,19 @@ impl Graph {
         const BUCKETS: usize = 16;
         /// Nodes that are gone through together.
         const BATCH: usize = 16;
+        /// Batches between two looks at `go_on`.
+        const BATCHES: usize = 256;
         let bucket_of = |distance: u32| (distance >> self.length_bits.saturating_sub(BITS_PER_EDGE)) as usize;
         let mut buckets: [Vec<(u32, u32)>; BUCKETS] = Default::default();
         distances[source as usize] = 0;
         buckets[0].push((source, 0));
         let (mut bucket, mut waiting) = (0, 1usize);
-        let mut batch = Vec::with_capacity(BATCH);
+        let (mut batch, mut batches) = (Vec::with_capacity(BATCH), 0usize);
         while waiting > 0 {
+            if batches.is_multiple_of(BATCHES) {
+                go_on()?;
+            }
+            batches += 1;
             let own = &mut buckets[bucket % BUCKETS];
             batch.extend(own.drain(own.len().saturating_sub(BATCH)..));
             bucket += usize::from(batch.is_empty());
@@ -151,6 +162,7 @@ impl Graph {
                 }
             }
         }
+        Ok(())
     }
 
     /// Reads one edge of every line of memory that a row takes.
@@ -174,8 +186,10 @@ impl Graph {
     }
 
     /// Component number of every node, numbered by their first node, and their sizes.
-    #[must_use]
-    pub fn components(&self) -> (Vec<usize>, Vec<usize>) {
+    ///
+    /// # Errors
+    /// Those of `go_on`.
+    pub fn components(&self, go_on: &GoOn<'_>) -> Result<(Vec<usize>, Vec<usize>), Cancelled> {
         let mut number = vec![usize::MAX; self.len()];
         let mut sizes = Vec::new();
         let mut stack = Vec::new();
@@ -187,6 +201,7 @@ impl Graph {
             number[start as usize] = sizes.len();
             stack.push(start);
             while let Some(place) = stack.pop() {
+                go_on()?;
                 size += 1;
                 for (next, _) in self.edges(place) {
                     if number[next as usize] == usize::MAX {
@@ -197,21 +212,26 @@ impl Graph {
             }
             sizes.push(size);
         }
-        (self.place.iter().map(|&place| number[place as usize]).collect(), sizes)
+        Ok((self.place.iter().map(|&place| number[place as usize]).collect(), sizes))
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::cancel::to_the_end;
     use super::*;
+
+    fn graph_of(lists: &[Vec<(u32, f32)>], order: &[u32]) -> Graph {
+        Graph::from_lists(lists, order, &to_the_end).expect("not stopped")
+    }
 
     #[test]
     fn shortest_paths_take_the_shorter_way_round() {
         let ring: Vec<Vec<(u32, f32)>> =
             (0..6u32).map(|a| vec![((a + 1) % 6, 1.0), ((a + 5) % 6, 1.0)]).chain([vec![]]).collect();
-        let graph = Graph::from_lists(&ring, &[3, 0, 6, 1, 5, 2, 4]);
-        assert_eq!(graph.geodesics(0), [0.0, 1.0, 2.0, 3.0, 2.0, 1.0, f32::INFINITY]);
-        assert_eq!(graph.components().1, [6, 1]);
+        let graph = graph_of(&ring, &[3, 0, 6, 1, 5, 2, 4]);
+        assert_eq!(graph.geodesics(0, &to_the_end), Ok(vec![0.0, 1.0, 2.0, 3.0, 2.0, 1.0, f32::INFINITY]));
+        assert_eq!(graph.components(&to_the_end).expect("not stopped").1, [6, 1]);
     }
 
     /// A strip of points at uneven places with all edges up to a length.
@@ -221,7 +241,7 @@ mod tests {
         let list = |a: usize| (0..300).filter(move |&b| b != a && length(a, b) < 4.0);
         let edges = |a: usize| list(a).map(|b| (u32::try_from(b).expect("small"), length(a, b).max(0.01))).collect();
         let order: Vec<u32> = (0..300).map(|n| n * 7 % 300).collect();
-        Graph::from_lists(&(0..300).map(edges).collect::<Vec<_>>(), &order)
+        graph_of(&(0..300).map(edges).collect::<Vec<_>>(), &order)
     }
 
     #[test]
@@ -240,7 +260,7 @@ mod tests {
             }
         }
         let mut found = vec![UNREACHED; graph.len()];
-        graph.improve(&mut found, 5);
+        graph.improve(&mut found, 5, &to_the_end).expect("not stopped");
         assert_eq!(found, expected);
     }
 
@@ -248,9 +268,10 @@ mod tests {
     fn an_added_source_gives_the_distances_to_the_nearer_one() {
         let graph = strip();
         let mut nearest = vec![UNREACHED; graph.len()];
-        graph.improve(&mut nearest, graph.place[0]);
-        graph.improve(&mut nearest, graph.place[200]);
-        let [a, b] = [0, 200].map(|source| graph.geodesics(source));
+        for source in [0, 200] {
+            graph.improve(&mut nearest, graph.place[source], &to_the_end).expect("not stopped");
+        }
+        let [a, b] = [0, 200].map(|source| graph.geodesics(source, &to_the_end).expect("not stopped"));
         let unit = graph.unit;
         let nearest: Vec<u32> = graph.place.iter().map(|&place| nearest[place as usize]).collect();
         assert!((0..graph.len()).all(|n| (f64::from(nearest[n]) * unit - f64::from(a[n].min(b[n]))).abs() < unit));
@@ -263,7 +284,8 @@ mod tests {
         lists[0] = vec![(1, 1.25), (far, 3.0)];
         (lists[1], lists[far as usize]) = (vec![(0, 1.25)], vec![(0, 3.0)]);
         // Steps of three million leave 9 bits for lengths.
-        let distances = Graph::from_lists(&lists, &(0..=far).collect::<Vec<_>>()).geodesics(1);
+        let graph = graph_of(&lists, &(0..=far).collect::<Vec<_>>());
+        let distances = graph.geodesics(1, &to_the_end).expect("not stopped");
         assert!((distances[0] - 1.25).abs() < 3.0 / 512.0 && (distances[far as usize] - 4.25).abs() < 3.0 / 256.0);
     }
 
@@ -272,9 +294,6 @@ mod tests {
         let line: Vec<Vec<(u32, f32)>> = (0..9u32)
             .map(|a| [a.checked_sub(1), (a < 8).then_some(a + 1)].into_iter().flatten().map(|b| (b, 1.0)).collect())
             .collect();
-        assert_eq!(
-            Graph::from_lists(&line, &[0, 1, 2, 3, 4, 5, 6, 7, 8]).spread(3, || Ok::<_, ()>(())),
-            Ok(vec![8, 0, 4])
-        );
+        assert_eq!(graph_of(&line, &[0, 1, 2, 3, 4, 5, 6, 7, 8]).spread(3, &to_the_end), Ok(vec![8, 0, 4]));
     }
 }

@@ -6,6 +6,8 @@ use rayon::prelude::*;
 
 use crate::space::Grid;
 
+use super::cancel::{Cancelled, GoOn};
+
 /// A closed mesh in voxel coordinates; triangles are counter-clockwise seen from where the field
 /// is not positive.
 #[derive(Clone, Debug, Default)]
@@ -18,19 +20,23 @@ pub struct Mesh {
 
 /// The surface where the field passes through 0. The field must not be positive on the edge of
 /// the grid, else the mesh is open there.
-#[must_use]
-pub fn zero_surface(field: &Grid<f32>) -> Mesh {
+///
+/// # Errors
+/// Those of `go_on`.
+pub fn zero_surface(field: &Grid<f32>, go_on: &GoOn<'_>) -> Result<Mesh, Cancelled> {
     let dims = field.dims();
     if dims.iter().any(|&d| d < 2) {
-        return Mesh::default();
+        return Ok(Mesh::default());
     }
-    let layers: Vec<Layer> = (0..dims[2] - 1).into_par_iter().map(|k| Layer::of(field, k)).collect();
+    let layer = |k: usize| go_on().map(|()| Layer::of(field, k));
+    let layers: Vec<Layer> = (0..dims[2] - 1).into_par_iter().map(layer).collect::<Result<_, _>>()?;
     let mut first = vec![0];
     for layer in &layers {
         first.push(first[first.len() - 1] + super::field::id(layer.cells.len()));
     }
     let triangles = |k: usize| {
         let vertex = |[i, j, layer]: [usize; 3]| first[layer] + layers[layer].number(i + dims[0] * j);
+        go_on()?;
         let mut triangles = Vec::new();
         // A crossed edge has a crossed cell before it.
         for &cell in &layers[k].cells {
@@ -39,10 +45,11 @@ pub fn zero_surface(field: &Grid<f32>) -> Mesh {
                 (0..3).for_each(|axis| quad(field, vertex, [i, j, k], axis, &mut triangles));
             }
         }
-        triangles
+        Ok(triangles)
     };
-    let triangles = (1..dims[2] - 1).into_par_iter().flat_map_iter(triangles).collect();
-    Mesh { positions: layers.into_iter().flat_map(|layer| layer.vertices).collect(), triangles }
+    let triangles = (1..dims[2] - 1).into_par_iter().map(triangles);
+    let triangles = triangles.collect::<Result<Vec<Vec<_>>, Cancelled>>()?.concat();
+    Ok(Mesh { positions: layers.into_iter().flat_map(|layer| layer.vertices).collect(), triangles })
 }
 
 /// The crossed cells between two planes of the grid.
@@ -132,6 +139,7 @@ fn quad(
 
 #[cfg(test)]
 mod tests {
+    use super::super::cancel::to_the_end;
     use super::*;
 
     #[test]
@@ -142,7 +150,7 @@ mod tests {
             let [i, j, k] = field.index(o).map(|x| x as f32 - 10.0);
             field.as_mut_slice()[o] = radius - (i * i + j * j + k * k).sqrt();
         }
-        let mesh = zero_surface(&field);
+        let mesh = zero_surface(&field, &to_the_end).expect("not stopped");
         let mut edges = std::collections::BTreeMap::new();
         let mut volume = 0.0;
         for t in &mesh.triangles {

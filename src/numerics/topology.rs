@@ -8,6 +8,8 @@ use rayon::prelude::*;
 
 use crate::space::Grid;
 
+use super::cancel::{Cancelled, GoOn};
+
 /// The centre's bit number.
 pub const CENTRE: u32 = 13;
 
@@ -160,12 +162,15 @@ const fn norm_max(d: [i32; 3]) -> i32 {
 
 /// Euler number of a set of closed voxels (components − tunnels + cavities, in the sense of 26
 /// neighbours): corners − edges + faces − voxels of their union.
-#[must_use]
-pub fn euler_number(set: &Grid<bool>) -> i64 {
+///
+/// # Errors
+/// Those of `go_on`.
+pub fn euler_number(set: &Grid<bool>, go_on: &GoOn<'_>) -> Result<i64, Cancelled> {
     let shares = euler_shares();
     let [nx, ny, nz] = set.dims();
     let row = |j: usize, k: usize| &set.as_slice()[nx * (j + ny * k)..nx * (j + ny * k + 1)];
     let of_plane = |k: usize| {
+        go_on()?;
         let mut sum = 0;
         for j in 0..=ny {
             // The four rows that meet along the grid line of these corners.
@@ -178,7 +183,7 @@ pub fn euler_number(set: &Grid<bool>) -> i64 {
                 sum += along_corners(rows, nx, &shares);
             }
         }
-        sum
+        Ok(sum)
     };
     (0..=nz).into_par_iter().map(of_plane).sum()
 }

@@ -13,6 +13,7 @@ use super::depth::Depth;
 use super::lattice::{Lattice, Node, SpaceFromPlane};
 use super::mask::Solid;
 use super::model::{Repair, ring};
+use super::observer::{Cancelled, Observer};
 use super::repair::{Spread, mend_crest};
 use super::rim::WholeSheet;
 use super::sides::SheetSides;
@@ -25,26 +26,36 @@ const MAX_SLOPE: f64 = 0.95;
 const CREST_ROUNDS: usize = 12;
 
 /// Nodes of the sheet's lattice and where their spokes end.
-#[must_use]
+///
+/// # Errors
+/// When the observer asks to stop.
 pub fn anchored(
     solid: &Solid,
     depth: &Depth,
     sheet: &SheetSides,
     whole: &WholeSheet,
     mut lattice: Lattice,
-) -> (Nodes, Repair) {
+    observer: &dyn Observer,
+) -> Result<(Nodes, Repair), Cancelled> {
     let map = SpaceFromPlane::new(&whole.points.flat, &whole.points.positions, &whole.points.radii).over_holes();
-    let medial: Vec<Node> = lattice.nodes.iter().map(|p| map.node(*p)).collect();
-    let hand = upper_sign(&lattice, &medial, &map, sheet);
-    let mut spokes: Vec<[Vector3<f64>; 2]> =
-        medial.iter().map(|n| spoke_directions(n, hand).map(|d| aimed(solid, depth, n, d))).collect();
+    let medial = map.nodes(&lattice.nodes, observer)?;
+    let hand = upper_sign(&lattice, &medial, &map, sheet, observer)?;
+    let spoke = |n: &Node| {
+        observer.check()?;
+        Ok(spoke_directions(n, hand).map(|d| aimed(solid, depth, n, d)))
+    };
+    let mut spokes: Vec<[Vector3<f64>; 2]> = medial.iter().map(spoke).collect::<Result<_, _>>()?;
     let ahead = look_ahead(&lattice, &map, &sheet.hinge);
     for (n, ahead) in ring(lattice.size).into_iter().zip(&ahead).filter(|(_, a)| !a.is_hinge) {
         spokes[n] = spokes[n].map(|direction| fanned(&medial[n], direction, ahead));
     }
     let directions = [0, 1].map(|side| spokes.iter().map(|s| s[side]).collect::<Vec<_>>());
     let length = |node: &Node, direction: Vector3<f64>| length(solid, node, direction);
-    let lengths = [0, 1].map(|side| (0..medial.len()).map(|n| length(&medial[n], spokes[n][side])).collect());
+    let lengths_of = |side: usize| {
+        let length_of = |n: usize| observer.check().map(|()| length(&medial[n], spokes[n][side]));
+        (0..medial.len()).map(length_of).collect::<Result<Vec<f64>, _>>()
+    };
+    let lengths = [lengths_of(0)?, lengths_of(1)?];
     let node_at = |p: Point2<f64>| map.node(p);
     let radius_at = |p: Point3<f64>| depth.at(p);
     let mut spread = Spread {
@@ -59,29 +70,34 @@ pub fn anchored(
         // Columns run along u, rows along v: the normal of (i, j) is that of (v, u).
         hand: -hand,
         touched: BTreeSet::new(),
+        observer,
     };
-    let folds_before = spread.repair();
+    let folds_before = spread.repair()?;
     let mut round = 0;
     let (nodes, crest) = loop {
         lattice.nodes.clone_from(&spread.flat);
         let crest = crest(&solid.level, lattice.size, &spread.medial, &look_ahead(&lattice, &map, &sheet.hinge));
         let mut nodes = spread.nodes(crest, lattice.valid.clone());
-        let mended = mend_crest(&mut nodes, |from, direction, reach| solid.level.first_zero(from, direction, reach));
+        let reach_of = |from, direction, reach| solid.level.first_zero(from, direction, reach);
+        let mended = mend_crest(&mut nodes, reach_of, observer)?;
         if mended.left.is_empty() || round == CREST_ROUNDS {
             break (nodes, mended);
         }
         // Spokes that cross along the edge, where cells are still legal.
         spread.calm(&mended.left, round >= CREST_ROUNDS / 2);
-        spread.repair();
+        spread.repair()?;
         round += 1;
     };
-    let short = (0..nodes.medial.len()).filter(|&n| (0..2).any(|side| falls_short(solid, &spread, n, side)));
-    let repair = Repair {
-        folds_before,
-        moved_nodes: spread.touched.union(&crest.touched).count(),
-        shortened_nodes: short.collect::<BTreeSet<usize>>().union(&crest.cut).count(),
-    };
-    (nodes, repair)
+    let moved_nodes = spread.touched.union(&crest.touched).count();
+    let mut short = crest.cut;
+    for n in 0..nodes.medial.len() {
+        observer.check()?;
+        if (0..2).any(|side| falls_short(solid, &spread, n, side)) {
+            short.insert(n);
+        }
+    }
+    let repair = Repair { folds_before, moved_nodes, shortened_nodes: short.len() };
+    Ok((nodes, repair))
 }
 
 /// Whether a spoke ends before the boundary, because it was cut or never meets it.
@@ -94,12 +110,20 @@ fn falls_short(solid: &Solid, spread: &Spread<'_>, n: usize, side: usize) -> boo
 }
 
 /// +1 when the normals of the nodes' tangents point to the upper side, else −1.
-fn upper_sign(lattice: &Lattice, medial: &[Node], map: &SpaceFromPlane<'_>, sheet: &SheetSides) -> f64 {
+fn upper_sign(
+    lattice: &Lattice,
+    medial: &[Node],
+    map: &SpaceFromPlane<'_>,
+    sheet: &SheetSides,
+    observer: &dyn Observer,
+) -> Result<f64, Cancelled> {
     let agree = |(p, node): (&nalgebra::Point2<f64>, &Node)| {
         let normal = node.tangents[0].cross(&node.tangents[1]).normalize();
-        sheet.normals.get(map.nearest(*p).0).map_or(0.0, |n| normal.dot(n))
+        observer.check()?;
+        Ok(sheet.normals.get(map.nearest(*p).0).map_or(0.0, |n| normal.dot(n)))
     };
-    if lattice.nodes.iter().zip(medial).map(agree).sum::<f64>() < 0.0 { -1.0 } else { 1.0 }
+    let agreement = lattice.nodes.iter().zip(medial).map(agree).sum::<Result<f64, _>>()?;
+    Ok(if agreement < 0.0 { -1.0 } else { 1.0 })
 }
 
 /// Unit directions of the upper and the lower spoke.

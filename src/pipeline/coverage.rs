@@ -14,6 +14,7 @@ use crate::space::Grid;
 use super::depth::SkinPoint;
 use super::mask::Solid;
 use super::model::{Coverage, DistanceSummary};
+use super::observer::{Cancelled, Observer};
 use super::shell::Shell;
 use super::spokes::Nodes;
 
@@ -31,33 +32,42 @@ const GRAIN: f64 = 0.1;
 /// A voxel or skin point is the share of the figure whose inscribed balls come nearest to it
 /// (power distance): where sheets meet, the mask is split along the hinge. Of a single figure
 /// both are the same.
-#[must_use]
-pub fn coverage(solid: &Solid, skin: &SkinSearch<'_>, figures: &[Nodes]) -> (Coverage, Vec<Coverage>) {
-    let owners = Owners::of(figures);
-    let skin_owner: Vec<usize> = skin.points.par_iter().map(|s| owners.of_point(s.position)).collect();
-    let samples: Vec<Vec<SkinPoint>> = figures.par_iter().map(|nodes| surface_samples(nodes.into())).collect();
-    let (dice, dice_of) = overlaps(&solid.mask, figures, &owners);
+///
+/// # Errors
+/// When the observer asks to stop.
+pub fn coverage(
+    solid: &Solid,
+    skin: &SkinSearch<'_>,
+    figures: &[Nodes],
+    observer: &dyn Observer,
+) -> Result<(Coverage, Vec<Coverage>), Cancelled> {
+    let owners = Owners::of(figures, observer)?;
+    let owner = |s: &SkinPoint| observer.check().map(|()| owners.of_point(s.position));
+    let skin_owner: Vec<usize> = skin.points.par_iter().map(owner).collect::<Result<_, _>>()?;
+    let samples = figures.par_iter().map(|nodes| surface_samples(nodes.into(), observer));
+    let samples: Vec<Vec<SkinPoint>> = samples.collect::<Result<_, _>>()?;
+    let (dice, dice_of) = overlaps(&solid.mask, figures, &owners, observer)?;
     let grain = grain(figures);
     let measured = |dice: f64, own: &[SkinPoint], samples: &[SkinPoint]| {
-        let to_model = SkinSearch::of(samples).distances(own);
-        Coverage {
+        let to_model = SkinSearch::of(samples, observer)?.distances(own, observer)?;
+        Ok(Coverage {
             dice,
             grain_mm: grain * solid.voxel_mm,
             covered_share: to_model.iter().filter(|d| **d <= grain).count() as f64 / to_model.len().max(1) as f64,
             mask_to_model: summary(to_model, solid.voxel_mm),
-            model_to_mask: summary(skin.distances(samples), solid.voxel_mm),
-        }
+            model_to_mask: summary(skin.distances(samples, observer)?, solid.voxel_mm),
+        })
     };
-    let whole = measured(dice, skin.points, &samples.concat());
+    let whole = measured(dice, skin.points, &samples.concat())?;
     if figures.len() == 1 {
-        return (whole, vec![whole]);
+        return Ok((whole, vec![whole]));
     }
     let each = samples.iter().zip(dice_of).enumerate().map(|(number, (samples, dice))| {
         let own = skin.points.iter().zip(&skin_owner).filter(|(_, owner)| **owner == number);
         let own: Vec<SkinPoint> = own.map(|(s, _)| *s).collect();
         measured(dice, &own, samples)
     });
-    (whole, each.collect())
+    Ok((whole, each.collect::<Result<_, _>>()?))
 }
 
 /// The unit of the fit, voxels: one, or a share of the median radius if that is more.
@@ -75,19 +85,25 @@ pub struct SkinSearch<'a> {
 
 impl<'a> SkinSearch<'a> {
     /// The surface of some points; there may be none.
-    #[must_use]
-    pub fn of(points: &'a [SkinPoint]) -> Self {
+    ///
+    /// # Errors
+    /// When the observer asks to stop.
+    pub fn of(points: &'a [SkinPoint], observer: &dyn Observer) -> Result<Self, Cancelled> {
         let rows: Vec<[f64; 3]> = points.iter().map(|s| [s.position.x, s.position.y, s.position.z]).collect();
+        observer.check()?;
         let tree = if rows.is_empty() { None } else { ImmutableKdTree::new_from_slice(&rows).ok() };
-        Self { points, tree }
+        Ok(Self { points, tree })
     }
 
     /// Distance from each of `from` to the surface around the nearest point; infinite when there is none.
-    fn distances(&self, from: &[SkinPoint]) -> Vec<f64> {
-        let Some(tree) = &self.tree else { return vec![f64::INFINITY; from.len()] };
+    fn distances(&self, from: &[SkinPoint], observer: &dyn Observer) -> Result<Vec<f64>, Cancelled> {
+        let Some(tree) = &self.tree else { return Ok(vec![f64::INFINITY; from.len()]) };
         let nearest =
             |p: Point3<f64>| tree.query(&[p.x, p.y, p.z]).nearest_one::<SquaredEuclidean<f64>>().execute().item;
-        let distance = |s: &SkinPoint| self.points[nearest(s.position) as usize].distance(s.position);
+        let distance = |s: &SkinPoint| {
+            observer.check()?;
+            Ok(self.points[nearest(s.position) as usize].distance(s.position))
+        };
         from.par_iter().with_min_len(64).map(distance).collect()
     }
 
@@ -107,15 +123,16 @@ struct Owners {
 }
 
 impl Owners {
-    fn of(figures: &[Nodes]) -> Self {
+    fn of(figures: &[Nodes], observer: &dyn Observer) -> Result<Self, Cancelled> {
         let (mut balls, mut figure_of) = (Vec::new(), Vec::new());
         if figures.len() > 1 {
             for (number, nodes) in figures.iter().enumerate() {
+                observer.check()?;
                 balls.extend(balls_of(nodes));
                 figure_of.resize(balls.len(), number);
             }
         }
-        Self { balls: Balls::new(&balls), figure_of }
+        Ok(Self { balls: Balls::new(&balls, &|| observer.check())?, figure_of })
     }
 
     fn of_point(&self, p: Point3<f64>) -> usize {
@@ -150,11 +167,18 @@ fn summary(mut voxels: Vec<f64>, voxel_mm: f64) -> DistanceSummary {
 
 /// Dice of the mask with the union of all cells and wedges, and of each figure's share of the
 /// mask with its own.
-fn overlaps(mask: &Grid<bool>, figures: &[Nodes], owners: &Owners) -> (f64, Vec<f64>) {
-    let filled: Vec<Grid<bool>> = figures.iter().map(|nodes| filled(mask.dims(), nodes.into())).collect();
+fn overlaps(
+    mask: &Grid<bool>,
+    figures: &[Nodes],
+    owners: &Owners,
+    observer: &dyn Observer,
+) -> Result<(f64, Vec<f64>), Cancelled> {
+    let filled = figures.iter().map(|nodes| filled(mask.dims(), nodes.into(), observer));
+    let filled: Vec<Grid<bool>> = filled.collect::<Result<_, _>>()?;
     let [nx, ny, _] = mask.dims();
     // Of all figures together, and then of each: voxels of the mask, of the model, and of both.
     let of_row = |(row, cells): (usize, &[bool])| {
+        observer.check()?;
         let mut counts = vec![[0usize; 3]; 1 + figures.len()];
         for (i, &in_mask) in cells.iter().enumerate() {
             let is_filled = |grid: &Grid<bool>| grid.as_slice()[row * nx + i];
@@ -169,15 +193,15 @@ fn overlaps(mask: &Grid<bool>, figures: &[Nodes], owners: &Owners) -> (f64, Vec<
                 filled.iter().enumerate().for_each(|(n, grid)| add(n + 1, owner == Some(n), is_filled(grid)));
             }
         }
-        counts
+        Ok(counts)
     };
     let sum = |a: Vec<[usize; 3]>, b: Vec<[usize; 3]>| {
-        a.iter().zip(b).map(|(a, b)| [a[0] + b[0], a[1] + b[1], a[2] + b[2]]).collect()
+        Ok(a.iter().zip(b).map(|(a, b)| [a[0] + b[0], a[1] + b[1], a[2] + b[2]]).collect())
     };
     let rows = mask.as_slice().par_chunks(nx).enumerate().with_min_len(64);
-    let counts = rows.map(of_row).reduce(|| vec![[0; 3]; 1 + figures.len()], sum);
+    let counts = rows.map(of_row).try_reduce(|| vec![[0; 3]; 1 + figures.len()], sum)?;
     let dice = |[mask, model, both]: &[usize; 3]| 2.0 * *both as f64 / (mask + model).max(1) as f64;
-    (dice(&counts[0]), counts[1..].iter().map(dice).collect())
+    Ok((dice(&counts[0]), counts[1..].iter().map(dice).collect()))
 }
 
 type Tetrahedron = [Point3<f64>; 4];
@@ -206,15 +230,24 @@ fn prism([a, b, c]: [Point3<f64>; 3], [d, e, f]: [Point3<f64>; 3]) -> [Tetrahedr
 }
 
 /// The voxels whose centres lie in the cells and wedges of a figure.
-fn filled(dims: [usize; 3], shell: Shell<'_>) -> Grid<bool> {
+fn filled(dims: [usize; 3], shell: Shell<'_>, observer: &dyn Observer) -> Result<Grid<bool>, Cancelled> {
     /// Planes of the grid that one thread takes at a time.
     const PLANES: usize = 4;
-    let cuts: Vec<Cut> = tetrahedra(shell).iter().filter_map(Cut::of).collect();
+    /// Tetrahedra between two looks at the observer.
+    const CUTS: usize = 1 << 10;
+    let mut cuts = Vec::new();
+    for tetrahedra in tetrahedra(shell).chunks(CUTS) {
+        observer.check()?;
+        cuts.extend(tetrahedra.iter().filter_map(Cut::of));
+    }
     let mut grid = Grid::filled(dims, false);
     let plane = dims[0] * dims[1];
-    grid.as_mut_slice().par_chunks_mut(PLANES * plane).enumerate().for_each(|(n, planes)| {
+    grid.as_mut_slice().par_chunks_mut(PLANES * plane).enumerate().try_for_each(|(n, planes)| {
         let from = n * PLANES;
-        for cut in &cuts {
+        for (number, cut) in cuts.iter().enumerate() {
+            if number.is_multiple_of(CUTS) {
+                observer.check()?;
+            }
             for k in cut.range(2, from, from + planes.len() / plane) {
                 let rows = &mut planes[(k - from) * plane..(k - from + 1) * plane];
                 for j in cut.range(1, 0, dims[1]) {
@@ -222,8 +255,9 @@ fn filled(dims: [usize; 3], shell: Shell<'_>) -> Grid<bool> {
                 }
             }
         }
-    });
-    grid
+        Ok(())
+    })?;
+    Ok(grid)
 }
 
 /// A tetrahedron as the places where its four barycentric coordinates are positive.
@@ -277,7 +311,7 @@ fn whole_numbers(low: f64, high: f64) -> Range<usize> {
 }
 
 /// Points spread over the outer surface of a figure: upper, lower and the crest strips.
-fn surface_samples(shell: Shell<'_>) -> Vec<SkinPoint> {
+fn surface_samples(shell: Shell<'_>, observer: &dyn Observer) -> Result<Vec<SkinPoint>, Cancelled> {
     let mut samples = Vec::new();
     let mut sample = |corners: [Point3<f64>; 4]| {
         let [a, b, c, d] = corners;
@@ -289,6 +323,7 @@ fn surface_samples(shell: Shell<'_>) -> Vec<SkinPoint> {
     };
     for skin in [shell.upper, shell.lower] {
         for quad in shell.quads() {
+            observer.check()?;
             sample(quad.nodes.map(|n| skin[n]));
         }
         for step in shell.edge_steps() {
@@ -296,7 +331,7 @@ fn surface_samples(shell: Shell<'_>) -> Vec<SkinPoint> {
             sample([skin[a], skin[b], shell.crest[step.here], shell.crest[step.next]]);
         }
     }
-    samples
+    Ok(samples)
 }
 
 /// Bilinear samples, `step` apart at most, of a quad given as rows `[a b; c d]`, with their place in it: shares from a

@@ -75,16 +75,17 @@ impl Part {
 
     /// One of two arms of a sheet that forks along its long axis: such a sheet has no lattice, for
     /// columns would have to cross the notch. Indices into the part.
-    fn arm(&self) -> Option<Vec<usize>> {
-        let flat = self.flat.as_ref()?;
+    fn arm(&self, observer: &dyn Observer) -> Result<Option<Vec<usize>>, Cancelled> {
+        let Some(flat) = &self.flat else { return Ok(None) };
         let along: Vec<f64> = flat.points.iter().map(|p| p.x).collect();
         let (low, high) = along.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
         let least = MIN_ARM.max(floor_index(ARM_POINTS * along.len() as f64));
-        let arms = [1.0, -1.0].map(|end| {
+        let arm_at = |end: f64| {
             let along: Vec<f64> = along.iter().map(|x| end * x).collect();
-            arm(&self.surface, &along, ARM_LENGTH * (high - low), least)
-        });
-        arms.into_iter().flatten().max_by_key(|arm| arm.len().min(along.len() - arm.len()))
+            arm(&self.surface, &along, ARM_LENGTH * (high - low), least, observer)
+        };
+        let arms = [arm_at(1.0)?, arm_at(-1.0)?];
+        Ok(arms.into_iter().flatten().max_by_key(|arm| arm.len().min(along.len() - arm.len())))
     }
 }
 
@@ -118,7 +119,8 @@ pub fn cut(
         let residual = before.residual();
         let (mut parts, mut done) = (vec![before], Vec::new());
         while let Some(part) = parts.pop() {
-            let pieces = if is_refused(surface, &part) { Vec::new() } else { cutter.pieces(&part, most - count)? };
+            let is_refused = is_refused(surface, &part, observer)?;
+            let pieces = if is_refused { Vec::new() } else { cutter.pieces(&part, most - count)? };
             if pieces.is_empty() {
                 done.push(part);
             } else {
@@ -142,7 +144,7 @@ pub fn cut(
     if label == sheets.sheet_of {
         return Ok(Laid { sheets, flat: laid.into_iter().map(|part| part.flat).collect() });
     }
-    let sheets = in_order_of_size(surface, &label, sheets.pruned);
+    let sheets = in_order_of_size(surface, &label, sheets.pruned, observer)?;
     let of_sheet = |members: &Vec<u32>| {
         let own = laid.iter_mut().find(|part| members.binary_search(&part.members[0]).is_ok());
         own.and_then(|part| part.flat.take())
@@ -153,7 +155,13 @@ pub fn cut(
 
 /// One of two arms with `points` points or more each that meet no less than `length` behind the tip
 /// of the shorter one: components of a superlevel set of `along`.
-fn arm(surface: &Surface, along: &[f64], length: f64, points: usize) -> Option<Vec<usize>> {
+fn arm(
+    surface: &Surface,
+    along: &[f64],
+    length: f64,
+    points: usize,
+    observer: &dyn Observer,
+) -> Result<Option<Vec<usize>>, Cancelled> {
     let mut order: Vec<usize> = (0..along.len()).collect();
     order.sort_by(|&a, &b| along[b].total_cmp(&along[a]));
     let mut arm_of = vec![usize::MAX; along.len()];
@@ -161,6 +169,7 @@ fn arm(surface: &Surface, along: &[f64], length: f64, points: usize) -> Option<V
     let mut arms: Vec<Vec<usize>> = Vec::new();
     let (mut best, mut evenness) = (None, 0);
     for p in order {
+        observer.check()?;
         let touching = surface.adjacency[p].iter().map(|&n| n as usize);
         let linked = touching.filter(|&n| (surface.positions[n] - surface.positions[p]).norm() < LINK);
         let mut met: Vec<usize> = linked.map(|n| arm_of[n]).filter(|a| *a != usize::MAX).collect();
@@ -188,14 +197,18 @@ fn arm(surface: &Surface, along: &[f64], length: f64, points: usize) -> Option<V
         arm_of[p] = farthest;
         arms[farthest].push(p);
     }
-    best
+    Ok(best)
 }
 
 /// Whether a sheet is refused for what it is, a band with one side or a ring: cut, it would look like
 /// one that is not.
-fn is_refused(surface: &MedialSurface, part: &Part) -> bool {
-    let has_hole = |flat: &Flat| Region::of(&flat.points).hole_share > HOLES_REFUSED;
-    part.is_curled() && (part.flat.as_ref().is_some_and(has_hole) || !is_orientable(surface, &part.members))
+fn is_refused(surface: &MedialSurface, part: &Part, observer: &dyn Observer) -> Result<bool, Cancelled> {
+    if !part.is_curled() {
+        return Ok(false);
+    }
+    let region = part.flat.as_ref().map(|flat| Region::of(&flat.points, observer)).transpose()?;
+    Ok(region.is_some_and(|region| region.hole_share > HOLES_REFUSED)
+        || !is_orientable(surface, &part.members, observer)?)
 }
 
 /// What was done to a sheet.
@@ -218,7 +231,7 @@ impl Cutter<'_> {
     /// were; nothing when it stays. Strings are taken off first.
     fn pieces(&self, part: &Part, more: usize) -> Result<Vec<Part>, Cancelled> {
         if part.is_curled() && !part.is_bare {
-            let mut bare = self.without_strings(&part.members);
+            let mut bare = self.without_strings(&part.members)?;
             bare.truncate(more.saturating_add(1));
             if bare.first().is_some_and(|largest| largest.len() < part.members.len()) {
                 let lay =
@@ -226,9 +239,11 @@ impl Cutter<'_> {
                 return bare.iter().map(lay).collect();
             }
         }
-        let halves = if more == 0 {
-            None
-        } else if let Some(members) = part.arm().and_then(|arm| self.split(part, &arm, MIN_ARM)) {
+        if more == 0 {
+            return Ok(Vec::new());
+        }
+        let arm = part.arm(self.observer)?;
+        let halves = if let Some(members) = arm.map(|arm| self.split(part, &arm, MIN_ARM)).transpose()?.flatten() {
             Some(self.lay_both(part, &members)?)
         } else if part.is_curled() {
             self.halves(part)?
@@ -245,8 +260,8 @@ impl Cutter<'_> {
     }
 
     /// The connected pieces of a part that are wider than a string, the largest first.
-    fn without_strings(&self, members: &[u32]) -> Vec<Vec<u32>> {
-        let part = self.surface.part(members);
+    fn without_strings(&self, members: &[u32]) -> Result<Vec<Vec<u32>>, Cancelled> {
+        let part = self.surface.part(members, self.observer)?;
         let around = |start: usize| {
             let mut near = vec![id(start)];
             let mut from = 0;
@@ -264,26 +279,30 @@ impl Cutter<'_> {
             near
         };
         let mut is_kept = vec![false; members.len()];
-        for near in (0..members.len()).map(around).filter(|near| near.len() >= STRING_POINTS) {
-            near.iter().for_each(|&k| is_kept[k as usize] = true);
+        for start in 0..members.len() {
+            self.observer.check()?;
+            let near = around(start);
+            if near.len() >= STRING_POINTS {
+                near.iter().for_each(|&k| is_kept[k as usize] = true);
+            }
         }
         let mut left: Vec<u32> = (0..members.len()).filter(|&k| is_kept[k]).map(|k| members[k]).collect();
         let mut pieces = Vec::new();
         while left.len() >= MIN_ARM {
-            let piece = self.largest_piece(&left);
+            let piece = self.largest_piece(&left)?;
             if piece.len() < MIN_ARM {
                 break;
             }
             left.retain(|p| piece.binary_search(p).is_err());
             pieces.push(piece);
         }
-        pieces
+        Ok(pieces)
     }
 
     /// The largest connected piece of some points (ascending), laid flat.
     fn lay(&self, members: &[u32], landmarks: Landmarks) -> Result<Part, Cancelled> {
-        let members = self.largest_piece(members);
-        let surface = self.surface.part(&members);
+        let members = self.largest_piece(members)?;
+        let surface = self.surface.part(&members, self.observer)?;
         let flat = match flatten(&surface, self.params.neighbors, landmarks, self.voxel_mm, self.observer) {
             Ok(flat) => Some(flat),
             Err(IsomapError::Cancelled(stop)) => return Err(stop),
@@ -293,8 +312,9 @@ impl Cutter<'_> {
         Ok(Part { members, surface, flat, is_bare: false })
     }
 
-    fn largest_piece(&self, members: &[u32]) -> Vec<u32> {
-        self.surface.part(members).largest_piece().into_iter().map(|k| members[k as usize]).collect()
+    fn largest_piece(&self, members: &[u32]) -> Result<Vec<u32>, Cancelled> {
+        let largest = self.surface.part(members, self.observer)?.largest_piece(self.observer)?;
+        Ok(largest.into_iter().map(|k| members[k as usize]).collect())
     }
 
     /// The two parts of the cut that leaves the lowest residual variance, if that is lower than
@@ -308,7 +328,7 @@ impl Cutter<'_> {
             order.sort_by(|&a, &b| flat.points[a][axis].total_cmp(&flat.points[b][axis]));
             for place in PLACES {
                 let split = floor_index(order.len() as f64 * place);
-                let Some(members) = self.split(part, &order[..split], MIN_HALF) else { continue };
+                let Some(members) = self.split(part, &order[..split], MIN_HALF)? else { continue };
                 let halves = self.lay_both(part, &members)?;
                 let worst = halves.iter().map(Part::residual).fold(0.0, f64::max);
                 if worst < least {
@@ -322,18 +342,18 @@ impl Cutter<'_> {
 
     /// Two connected parts: the largest piece of `low` (indices into the part), and the largest of
     /// the rest. What is left over goes to the first, which it touches. `None` when one is too small.
-    fn split(&self, part: &Part, low: &[usize], least: usize) -> Option<[Vec<u32>; 2]> {
+    fn split(&self, part: &Part, low: &[usize], least: usize) -> Result<Option<[Vec<u32>; 2]>, Cancelled> {
         let mut side = vec![false; part.members.len()];
         low.iter().for_each(|&k| side[k] = true);
         let of = |side: &[bool], wanted: bool| -> Vec<u32> {
             part.members.iter().zip(side).filter(|(_, s)| **s == wanted).map(|(p, _)| *p).collect()
         };
-        let first = self.largest_piece(&of(&side, true));
+        let first = self.largest_piece(&of(&side, true))?;
         let not_in = |set: &[u32]| -> Vec<u32> {
             part.members.iter().copied().filter(|p| set.binary_search(p).is_err()).collect()
         };
-        let second = self.largest_piece(&not_in(&first));
+        let second = self.largest_piece(&not_in(&first))?;
         let first = not_in(&second);
-        (first.len().min(second.len()) >= least).then_some([first, second])
+        Ok((first.len().min(second.len()) >= least).then_some([first, second]))
     }
 }

@@ -10,6 +10,7 @@ use crate::numerics::field::{Field, floor_index};
 use crate::space::Grid;
 
 use super::mask::Solid;
+use super::observer::{Cancelled, Observer};
 
 /// How far along the surface a skin point speaks for it, voxels: half the way to the next one
 /// across a voxel's diagonal.
@@ -87,29 +88,40 @@ pub struct Skin {
 }
 
 /// The skin of a solid.
-#[must_use]
-pub fn skin(solid: &Solid) -> Skin {
-    let voxels = boundary_voxels(&solid.inside, true);
-    let point_of = |&offset: &usize| skin_point(&solid.level, solid.inside.index(offset));
-    Skin { points: voxels.par_iter().with_min_len(64).map(point_of).collect(), voxels }
+///
+/// # Errors
+/// When the observer asks to stop.
+pub fn skin(solid: &Solid, observer: &dyn Observer) -> Result<Skin, Cancelled> {
+    let voxels = boundary_voxels(&solid.inside, true, &|| observer.check())?;
+    let point_of = |&offset: &usize| {
+        observer.check()?;
+        Ok(skin_point(&solid.level, solid.inside.index(offset)))
+    };
+    let points = voxels.par_iter().with_min_len(64).map(point_of).collect::<Result<_, _>>()?;
+    Ok(Skin { points, voxels })
 }
 
 /// Depths of a solid below its [`skin`].
-#[must_use]
-pub fn depth(solid: &Solid, skin: Skin) -> Depth {
+///
+/// # Errors
+/// When the observer asks to stop.
+pub fn depth(solid: &Solid, skin: Skin, observer: &dyn Observer) -> Result<Depth, Cancelled> {
     let Skin { points: skin, voxels: skin_voxels } = skin;
-    let Nearest { squared: mut depth, seed: nearest } = nearest_seed_within(&solid.inside, &skin_voxels);
+    let nearest = nearest_seed_within(&solid.inside, &skin_voxels, &|| observer.check())?;
+    let Nearest { squared: mut depth, seed: nearest } = nearest;
     let [nx, ny, _] = solid.inside.dims();
     let rows = depth.as_mut_slice().par_chunks_mut(nx).zip(nearest.as_slice().par_chunks(nx));
-    rows.enumerate().with_min_len(16).for_each(|(row, (depth, nearest))| {
+    rows.enumerate().with_min_len(16).try_for_each(|(row, (depth, nearest))| {
+        observer.check()?;
         let (j, k) = ((row % ny) as f64, (row / ny) as f64);
         for (i, (depth, &point)) in depth.iter_mut().zip(nearest).enumerate() {
             #[expect(clippy::cast_possible_truncation, reason = "the grid is f32")]
             let below = |point: u32| skin[point as usize].distance(Point3::new(i as f64, j, k)) as f32;
             *depth = if point == NO_SEED { 0.0 } else { below(point) };
         }
-    });
-    Depth { skin, skin_voxels, depth, nearest }
+        Ok(())
+    })?;
+    Ok(Depth { skin, skin_voxels, depth, nearest })
 }
 
 fn skin_point(level: &Field, voxel: [usize; 3]) -> SkinPoint {

@@ -19,6 +19,7 @@ use rayon::prelude::*;
 use crate::space::{Grid, WorldFromVoxel, WorldVector};
 
 use super::mask::Solid;
+use super::observer::{Cancelled, Observer};
 use super::outline::Region;
 use super::sides::SheetSides;
 
@@ -101,29 +102,36 @@ pub struct Sense {
 
 impl Senses {
     /// For an object, from the side of the plane x = 0 on which its centroid lies.
-    #[must_use]
-    pub fn of(inside: &Grid<bool>, world_from_work: &WorldFromVoxel) -> Self {
+    ///
+    /// # Errors
+    /// When the observer asks to stop.
+    pub fn of(
+        inside: &Grid<bool>,
+        world_from_work: &WorldFromVoxel,
+        observer: &dyn Observer,
+    ) -> Result<Self, Cancelled> {
         let [nx, ny, _] = inside.dims();
         let x_of = |i: usize, j: usize, k: usize| world_from_work.point(Point3::from([i, j, k].map(|x| x as f64))).x;
         // Of a row: its voxels, the sums of their indices, and the range of x.
         let of_row = |(row, cells): (usize, &[bool])| {
+            observer.check()?;
             let [j, k] = [row % ny, row / ny];
             let taken = || (0..nx).filter(|&i| cells[i]);
             let (count, sum) = taken().fold((0, 0), |(count, sum), i| (count + 1, sum + i));
             let ends = [taken().next(), taken().next_back()].into_iter().flatten().map(|i| x_of(i, j, k));
             let range = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)]);
-            ([count, sum, count * j, count * k], range)
+            Ok(([count, sum, count * j, count * k], range))
         };
         let both = |(a, p): ([usize; 4], [f64; 2]), (b, q): ([usize; 4], [f64; 2])| {
-            ([0, 1, 2, 3].map(|n| a[n] + b[n]), [p[0].min(q[0]), p[1].max(q[1])])
+            Ok(([0, 1, 2, 3].map(|n| a[n] + b[n]), [p[0].min(q[0]), p[1].max(q[1])]))
         };
         let none = || ([0; 4], [f64::INFINITY, f64::NEG_INFINITY]);
         let rows = inside.as_slice().par_chunks(nx).enumerate().with_min_len(64);
-        let ([count, i, j, k], [low, high]) = rows.map(of_row).reduce(none, both);
+        let ([count, i, j, k], [low, high]) = rows.map(of_row).try_reduce(none, both)?;
         let mean = [i, j, k].map(|sum| sum as f64 / count.max(1) as f64);
         let centroid = world_from_work.point(Point3::from(mean)).x;
         let is_midline = count == 0 || centroid.abs() < OFF_MIDLINE * (high - low);
-        Self { lateral: if is_midline || centroid > 0.0 { 1.0 } else { -1.0 }, is_midline }
+        Ok(Self { lateral: if is_midline || centroid > 0.0 { 1.0 } else { -1.0 }, is_midline })
     }
 
     /// Which sense of a direction is the positive one.
@@ -151,14 +159,17 @@ impl Senses {
 
 /// Turns the flattened sheet into its frame (columns along the first coordinate, rows along the
 /// second) and says which it is.
-#[must_use]
+///
+/// # Errors
+/// When the observer asks to stop.
 pub fn framed(
     flat: &[Point2<f64>],
     sheet: &SheetSides,
     solid: &Solid,
     senses: &Senses,
-) -> (Vec<Point2<f64>>, FrameFacts) {
-    let region = Region::of(flat);
+    observer: &dyn Observer,
+) -> Result<(Vec<Point2<f64>>, FrameFacts), Cancelled> {
+    let region = Region::of(flat, observer)?;
     let world_from_plane = world_from_plane(flat, &sheet.medial.positions, solid);
     let (rule, axes, aspect) = axes(&region, flat, &world_from_plane);
     let mut ambiguities = Vec::new();
@@ -188,7 +199,7 @@ pub fn framed(
         aspect,
         ambiguities,
     };
-    (points, facts)
+    Ok((points, facts))
 }
 
 /// Directions of columns and rows in the plane, how they were found, and the ratio of the extents.

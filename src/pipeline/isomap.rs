@@ -8,6 +8,7 @@
 use nalgebra::{DMatrix, Point2, Point3, SVector, Vector2};
 use rayon::prelude::*;
 
+use crate::numerics::cancel::GoOn;
 use crate::numerics::eigen::leading_two;
 use crate::numerics::field::{floor_index, id};
 use crate::numerics::graph::Graph;
@@ -91,15 +92,16 @@ pub fn flatten(
     if landmarks == Landmarks::All && count > EXACT_LIMIT {
         return Err(IsomapError::TooManyForExact { points: count, limit: EXACT_LIMIT });
     }
-    let (graph, pieces) = neighborhood_graph(surface, neighbors, voxel_mm);
+    let go_on = || observer.check();
+    let (graph, pieces) = neighborhood_graph(surface, neighbors, voxel_mm, &go_on)?;
     let geodesics = match landmarks {
-        Landmarks::All => Geodesics::all(&graph, observer)?,
-        Landmarks::Auto => Geodesics::farthest(&graph, AUTO_LANDMARKS, observer)?,
-        Landmarks::Count(n) => Geodesics::farthest(&graph, n, observer)?,
+        Landmarks::All => Geodesics::all(&graph, &go_on)?,
+        Landmarks::Auto => Geodesics::farthest(&graph, AUTO_LANDMARKS, &go_on)?,
+        Landmarks::Count(n) => Geodesics::farthest(&graph, n, &go_on)?,
     };
-    let points = geodesics.embed().ok_or(IsomapError::NoPlane)?;
+    let points = geodesics.embed(&go_on)?.ok_or(IsomapError::NoPlane)?;
     Ok(Flat {
-        residual_variance: geodesics.residual_variance(&points),
+        residual_variance: geodesics.residual_variance(&points, &go_on)?,
         points,
         neighbors: graph.mean_degree(),
         landmarks: geodesics.sources.len(),
@@ -108,34 +110,46 @@ pub fn flatten(
 }
 
 /// The neighbourhood graph, and how many pieces it was in before touching points joined them.
-fn neighborhood_graph(surface: &Surface, neighbors: Neighbors, voxel_mm: f64) -> (Graph, usize) {
+fn neighborhood_graph(
+    surface: &Surface,
+    neighbors: Neighbors,
+    voxel_mm: f64,
+    go_on: &GoOn<'_>,
+) -> Result<(Graph, usize), Cancelled> {
     let count = surface.positions.len();
     let found = |around: &mut Around, a: usize| {
+        go_on()?;
         let mut list = match neighbors {
             Neighbors::Auto => around.within(surface, a, AUTO_RADIUS),
             Neighbors::RadiusMm(radius) => around.within(surface, a, radius / voxel_mm),
             Neighbors::Count(k) => around.nearest(surface, a, k),
         };
         list.sort_unstable_by_key(|e| e.0);
-        list
+        Ok(list)
     };
     let points = (0..count).into_par_iter().with_min_len(POINTS_PER_TASK);
-    let mut lists: Vec<Vec<(u32, f32)>> = points.map_init(|| Around::new(count), found).collect();
+    let lists = points.map_init(|| Around::new(count), found).collect::<Result<_, Cancelled>>();
+    let mut lists: Vec<Vec<(u32, f32)>> = lists?;
     // Of two points, one may see the other only: an edge has two ends.
     let unseen = |(a, list): (usize, &Vec<(u32, f32)>)| {
+        go_on()?;
         let is_unseen = |e: &&(u32, f32)| lists[e.0 as usize].binary_search_by_key(&id(a), |e| e.0).is_err();
-        list.iter().filter(is_unseen).map(|&(b, length)| (b, (id(a), length))).collect::<Vec<_>>()
+        Ok(list.iter().filter(is_unseen).map(|&(b, length)| (b, (id(a), length))).collect::<Vec<_>>())
     };
-    let missing: Vec<_> = lists.par_iter().enumerate().with_min_len(POINTS_PER_TASK).map(unseen).collect();
+    let missing = lists.par_iter().enumerate().with_min_len(POINTS_PER_TASK).map(unseen);
+    let missing = missing.collect::<Result<Vec<_>, Cancelled>>()?;
     for (b, edge) in missing.into_iter().flatten() {
         lists[b as usize].push(edge);
     }
-    lists.par_iter_mut().for_each(|list| list.sort_unstable_by_key(|e| e.0));
+    lists.par_iter_mut().try_for_each(|list| {
+        list.sort_unstable_by_key(|e| e.0);
+        go_on()
+    })?;
     let order = in_tiles(&surface.positions);
-    let graph = Graph::from_lists(&lists, &order);
-    let (piece, sizes) = graph.components();
+    let graph = Graph::from_lists(&lists, &order, go_on)?;
+    let (piece, sizes) = graph.components(go_on)?;
     if sizes.len() == 1 {
-        return (graph, 1);
+        return Ok((graph, 1));
     }
     for (a, list) in surface.adjacency.iter().enumerate() {
         // No edge joins two pieces yet: none comes twice.
@@ -143,7 +157,7 @@ fn neighborhood_graph(surface: &Surface, neighbors: Neighbors, voxel_mm: f64) ->
             lists[a].push((b, length_between(surface, a, b as usize)));
         }
     }
-    (Graph::from_lists(&lists, &order), sizes.len())
+    Ok((Graph::from_lists(&lists, &order, go_on)?, sizes.len()))
 }
 
 /// The points in an order in which those of one part of space follow one another.
@@ -232,68 +246,76 @@ struct Geodesics {
 }
 
 impl Geodesics {
-    fn all(graph: &Graph, observer: &dyn Observer) -> Result<Self, Cancelled> {
-        Self::from_sources(graph, (0..graph.len()).collect(), observer)
+    fn all(graph: &Graph, go_on: &GoOn<'_>) -> Result<Self, Cancelled> {
+        Self::from_sources(graph, (0..graph.len()).collect(), go_on)
     }
 
     /// Landmarks each as far as can be from those before, the first at a rim.
-    fn farthest(graph: &Graph, count: usize, observer: &dyn Observer) -> Result<Self, Cancelled> {
-        let sources = graph.spread(count, || observer.check())?;
-        Self::from_sources(graph, sources, observer)
+    fn farthest(graph: &Graph, count: usize, go_on: &GoOn<'_>) -> Result<Self, Cancelled> {
+        let sources = graph.spread(count, go_on)?;
+        Self::from_sources(graph, sources, go_on)
     }
 
-    fn from_sources(graph: &Graph, sources: Vec<usize>, observer: &dyn Observer) -> Result<Self, Cancelled> {
-        let row = |&source: &usize| observer.check().map(|()| graph.geodesics(source));
-        let distances = sources.par_iter().map(row).collect::<Result<_, _>>()?;
+    fn from_sources(graph: &Graph, sources: Vec<usize>, go_on: &GoOn<'_>) -> Result<Self, Cancelled> {
+        let distances = sources.par_iter().map(|&source| graph.geodesics(source, go_on)).collect::<Result<_, _>>()?;
         Ok(Self { sources, distances })
     }
 
     /// Classical scaling of the sources, then every point by its distances to them.
-    fn embed(&self) -> Option<Vec<Point2<f64>>> {
+    fn embed(&self, go_on: &GoOn<'_>) -> Result<Option<Vec<Point2<f64>>>, Cancelled> {
         let count = self.sources.len();
         let squared = |row: usize, p: usize| f64::from(self.distances[row][p]).powi(2);
-        let mut gram =
-            DMatrix::from_fn(count, count, |r, c| (squared(r, self.sources[c]) + squared(c, self.sources[r])) / 2.0);
-        let means: Vec<f64> = (0..count).map(|r| gram.row(r).mean()).collect();
+        let mut gram = DMatrix::zeros(count, count);
+        for c in 0..count {
+            go_on()?;
+            for r in 0..count {
+                gram[(r, c)] = (squared(r, self.sources[c]) + squared(c, self.sources[r])) / 2.0;
+            }
+        }
+        let means = (0..count).map(|r| go_on().map(|()| gram.row(r).mean())).collect::<Result<Vec<f64>, _>>()?;
         let mean = means.iter().sum::<f64>() / count as f64;
         for r in 0..count {
+            go_on()?;
             for c in 0..count {
                 gram[(r, c)] = -0.5 * (gram[(r, c)] - means[r] - means[c] + mean);
             }
         }
-        let leading = leading_two(gram)?;
+        let Some(leading) = leading_two(gram, go_on)? else { return Ok(None) };
         if leading.values[1] <= LINE_SHARE * leading.values[0].abs() || leading.values[0] <= 0.0 {
-            return None;
+            return Ok(None);
         }
         let rows = [0, 1].map(|k| leading.vectors[k].scale(1.0 / leading.values[k].sqrt()));
         let place = |p: usize| {
+            go_on()?;
             let mut at = Vector2::zeros();
             for s in 0..count {
                 let pull = -0.5 * (squared(s, p) - means[s]);
                 at += Vector2::new(rows[0][s], rows[1][s]) * pull;
             }
-            Point2::from(at)
+            Ok(Point2::from(at))
         };
         let all = (0..self.distances[0].len()).into_par_iter().with_min_len(POINTS_PER_TASK);
-        let mut points: Vec<Point2<f64>> = all.map(place).collect();
+        let mut points: Vec<Point2<f64>> = all.map(place).collect::<Result<_, Cancelled>>()?;
         let centre = points.iter().map(|p| p.coords).sum::<Vector2<f64>>() / points.len() as f64;
         points.iter_mut().for_each(|p| *p -= centre);
-        Some(points)
+        Ok(Some(points))
     }
 
-    fn residual_variance(&self, points: &[Point2<f64>]) -> f64 {
+    fn residual_variance(&self, points: &[Point2<f64>], go_on: &GoOn<'_>) -> Result<f64, Cancelled> {
         // Count, and sums of graph distance g, plane distance p, g², p² and g p.
         let of_row = |(row, &source): (&Vec<f32>, &usize)| {
-            row.iter().zip(points).fold(SVector::<f64, 6>::zeros(), |sums, (g, p)| {
+            go_on()?;
+            Ok(row.iter().zip(points).fold(SVector::<f64, 6>::zeros(), |sums, (g, p)| {
                 let (g, p) = (f64::from(*g), (p - points[source]).norm());
                 sums + SVector::from([1.0, g, p, g * g, p * p, g * p])
-            })
+            }))
         };
         // Summed in the order of the sources, not in that of the threads.
-        let rows: Vec<SVector<f64, 6>> = self.distances.par_iter().zip(&self.sources).map(of_row).collect();
+        let rows = self.distances.par_iter().zip(&self.sources).map(of_row);
+        let rows: Vec<SVector<f64, 6>> = rows.collect::<Result<_, Cancelled>>()?;
         let [n, g, p, gg, pp, gp] = rows.into_iter().sum::<SVector<f64, 6>>().into();
         let covariance = gp - g * p / n;
         let spread = (gg - g * g / n) * (pp - p * p / n);
-        if spread > 0.0 { (1.0 - covariance * covariance / spread).max(0.0) } else { 1.0 }
+        Ok(if spread > 0.0 { (1.0 - covariance * covariance / spread).max(0.0) } else { 1.0 })
     }
 }

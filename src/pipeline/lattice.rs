@@ -12,6 +12,7 @@ use crate::numerics::cells::Cells;
 use crate::numerics::fit::{LocalFit, quadratic};
 
 use super::model::ring;
+use super::observer::{Cancelled, Observer};
 use super::outline::Region;
 use super::params::{LatticeKind, LatticeSize};
 use super::patch::Patch;
@@ -57,18 +58,31 @@ pub struct Lattice {
 
 /// A lattice over the region, or `None` when the region is empty. `margin`: share of each line left free
 /// at its ends; `inset`: harmonic share left free before that, for a fitted one.
-#[must_use]
-pub fn lattice(region: &Region, kind: LatticeKind, size: LatticeSize, margin: f64, inset: f64) -> Option<Lattice> {
+///
+/// # Errors
+/// When the observer asks to stop.
+pub fn lattice(
+    region: &Region,
+    kind: LatticeKind,
+    size: LatticeSize,
+    margin: f64,
+    inset: f64,
+    observer: &dyn Observer,
+) -> Result<Option<Lattice>, Cancelled> {
     let (nodes, rim) = match kind {
-        LatticeKind::Fitted => fitted(&region.patch()?, size, margin, inset),
+        LatticeKind::Fitted => {
+            let Some(patch) = region.patch(observer)? else { return Ok(None) };
+            fitted(&patch, size, margin, inset, observer)?
+        }
         LatticeKind::Regular => {
-            let nodes = regular(region.bounds()?, size, margin);
+            let Some(bounds) = region.bounds() else { return Ok(None) };
+            let nodes = regular(bounds, size, margin);
             let rim = ring(size).into_iter().map(|n| nodes[n]).collect();
             (nodes, rim)
         }
     };
     let valid = nodes.iter().map(|n| region.contains(*n)).collect();
-    Some(Lattice { size, nodes, valid, rim })
+    Ok(Some(Lattice { size, nodes, valid, rim }))
 }
 
 /// The paper's rectangle: the bounding box of the region less the margin.
@@ -85,23 +99,32 @@ fn share(k: usize, count: usize, margin: f64) -> f64 {
     margin + (1.0 - 2.0 * margin) * k as f64 / (count - 1) as f64
 }
 
+/// Places of the nodes, and of the rim before those of the edge.
+type NodesAndRim = (Vec<Point2<f64>>, Vec<Point2<f64>>);
+
 /// Nodes that follow the outline, equally spaced along rows and columns, and the rim before those
 /// of the edge.
 ///
 /// Harmonic shares crowd in hollows and thin out in tips. The patch is spaced evenly first, so that
 /// the margin is a share of the length of each line.
-fn fitted(patch: &Patch, size: LatticeSize, margin: f64, inset: f64) -> (Vec<Point2<f64>>, Vec<Point2<f64>>) {
+fn fitted(
+    patch: &Patch,
+    size: LatticeSize,
+    margin: f64,
+    inset: f64,
+    observer: &dyn Observer,
+) -> Result<NodesAndRim, Cancelled> {
     /// Size of the lattice that spaces the patch.
     const EVEN: LatticeSize = LatticeSize { rows: 25, cols: 49 };
-    let even = evenly_spaced(patch, EVEN, inset);
+    let even = evenly_spaced(patch, EVEN, inset, observer)?;
     let places = |shares: &[Point2<f64>]| -> Vec<Point2<f64>> { shares.iter().map(|s| patch.at(*s)).collect() };
     let inner = Patch::of_nodes(EVEN.rows, EVEN.cols, &places(&even));
     let pushed: Vec<Point2<f64>> = even.iter().enumerate().map(|(n, s)| to_rim(EVEN, n, *s)).collect();
     let outer = Patch::of_nodes(EVEN.rows, EVEN.cols, &places(&pushed));
-    let shares = evenly_spaced(&inner, size, margin);
+    let shares = evenly_spaced(&inner, size, margin, observer)?;
     let nodes = shares.iter().map(|s| inner.at(*s)).collect();
     let rim = ring(size).into_iter().map(|n| outer.at(to_rim(size, n, shares[n]))).collect();
-    (nodes, rim)
+    Ok((nodes, rim))
 }
 
 /// The share on the rim that a node of the edge looks out to; inner nodes stay.
@@ -115,7 +138,12 @@ fn to_rim(size: LatticeSize, node: usize, shares: Point2<f64>) -> Point2<f64> {
 }
 
 /// Shares of nodes that were equal at first, then slid along rows and columns in turn.
-fn evenly_spaced(patch: &Patch, size: LatticeSize, margin: f64) -> Vec<Point2<f64>> {
+fn evenly_spaced(
+    patch: &Patch,
+    size: LatticeSize,
+    margin: f64,
+    observer: &dyn Observer,
+) -> Result<Vec<Point2<f64>>, Cancelled> {
     let LatticeSize { rows, cols } = size;
     let at = |s: Point2<f64>| patch.at(s);
     let mut shares: Vec<Point2<f64>> =
@@ -124,21 +152,29 @@ fn evenly_spaced(patch: &Patch, size: LatticeSize, margin: f64) -> Vec<Point2<f6
     for _ in 0..SLIDE_ROUNDS {
         let mut moved = 0.0f64;
         for i in 0..rows {
+            observer.check()?;
             moved = moved.max(slide(&mut shares, &at, |k| i * cols + k, cols));
         }
         for j in 0..cols {
+            observer.check()?;
             moved = moved.max(slide(&mut shares, &at, |k| k * cols + j, rows));
         }
         if moved < SLIDE_TOLERANCE {
             break;
         }
     }
-    upright(patch, size, &first, shares)
+    upright(patch, size, &first, shares, observer)
 }
 
 /// Takes back as much of the sliding as it takes for rows and columns to cross: where a region narrows
 /// or turns, lines that are spaced evenly lean over until they run together.
-fn upright(patch: &Patch, size: LatticeSize, first: &[Point2<f64>], slid: Vec<Point2<f64>>) -> Vec<Point2<f64>> {
+fn upright(
+    patch: &Patch,
+    size: LatticeSize,
+    first: &[Point2<f64>],
+    slid: Vec<Point2<f64>>,
+    observer: &dyn Observer,
+) -> Result<Vec<Point2<f64>>, Cancelled> {
     /// Sine of the angle at which lines cross at the least, if they did before.
     const LEAST_SINE: f64 = 0.35;
     /// What is kept of the sliding from one try to the next.
@@ -148,13 +184,14 @@ fn upright(patch: &Patch, size: LatticeSize, first: &[Point2<f64>], slid: Vec<Po
     let wanted = LEAST_SINE.min(0.9 * least_sine(patch, size, first));
     let (mut shares, mut kept) = (slid.clone(), 1.0);
     for _ in 0..TRIES {
+        observer.check()?;
         if least_sine(patch, size, &shares) >= wanted {
-            return shares;
+            return Ok(shares);
         }
         kept *= KEPT;
         shares = first.iter().zip(&slid).map(|(a, b)| a + (b - a) * kept).collect();
     }
-    first.to_vec()
+    Ok(first.to_vec())
 }
 
 /// The smallest sine between the two directions of a lattice at the corners of its quads, negative where
@@ -263,6 +300,14 @@ impl<'a> SpaceFromPlane<'a> {
             radius *= 2.0;
         }
         self.bare(nearest)
+    }
+
+    /// [`Self::node`] of some places.
+    ///
+    /// # Errors
+    /// When the observer asks to stop.
+    pub fn nodes(&self, places: &[Point2<f64>], observer: &dyn Observer) -> Result<Vec<Node>, Cancelled> {
+        places.iter().map(|p| observer.check().map(|()| self.node(*p))).collect()
     }
 
     /// The point nearest to `p`, and how far it is.

@@ -7,6 +7,7 @@
 use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;
 
+use crate::numerics::cancel::GoOn;
 use crate::numerics::components::{Connectivity, boundary_voxels, components};
 use crate::numerics::distance::nearest_seed;
 use crate::numerics::field::{Field, floor_index};
@@ -14,7 +15,8 @@ use crate::numerics::smooth::gaussian;
 use crate::numerics::topology::euler_number;
 use crate::space::{Grid, LabelVolume, VoxelIndex, WorldFromVoxel};
 
-use super::observer::Warning;
+use super::PipelineError;
+use super::observer::{Cancelled, Observer, Warning};
 use super::refusal::Refusal;
 
 /// Free voxels around the solid in the working grid: room for smoothing and for steps outside.
@@ -29,6 +31,8 @@ const ISOTROPY_TOLERANCE: f64 = 5e-3;
 /// kilobyte for each voxel of the surface: a structure stays near 3 GB whatever `resolution_mm` asks
 /// for.
 const MAX_WORKING_VOXELS: u64 = 150_000_000;
+/// Voxels that one thread takes at a time where little is done with each.
+const SLICE: usize = 1 << 16;
 /// A second part of at least this share of the largest is not a stray.
 const PART_SHARE: f64 = 0.1;
 
@@ -77,11 +81,14 @@ pub struct NativeMask {
 }
 
 /// Boxes of all labels in one pass, by index into the volume's `label_values`.
-#[must_use]
-pub fn label_boxes(volume: &LabelVolume) -> Vec<Option<LabelBox>> {
+///
+/// # Errors
+/// When the observer asks to stop.
+pub fn label_boxes(volume: &LabelVolume, observer: &dyn Observer) -> Result<Vec<Option<LabelBox>>, Cancelled> {
     let [nx, ny, _] = volume.indices.dims();
     let mut boxes: Vec<Option<LabelBox>> = vec![None; volume.label_values.len()];
     for (row, values) in volume.indices.as_slice().chunks_exact(nx).enumerate() {
+        observer.check()?;
         let (j, k) = (row % ny, row / ny);
         let mut i = 0;
         while i < nx {
@@ -98,7 +105,7 @@ pub fn label_boxes(volume: &LabelVolume) -> Vec<Option<LabelBox>> {
             i += run;
         }
     }
-    boxes
+    Ok(boxes)
 }
 
 /// Cuts a label out, cleans it, and brings it to an isotropic grid with a sub-voxel boundary.
@@ -108,28 +115,35 @@ pub fn label_boxes(volume: &LabelVolume) -> Vec<Option<LabelBox>> {
 ///
 /// # Errors
 /// [`Refusal::TooLarge`] when the working grid would be, [`Refusal::TooThin`] when nothing is
-/// left of the object on it.
+/// left of the object on it; when the observer asks to stop.
 pub fn solid(
     volume: &LabelVolume,
     index: u16,
     bounds: LabelBox,
     resolution_mm: Option<f64>,
     warnings: &mut Vec<Warning>,
-) -> Result<Solid, Refusal> {
+    observer: &dyn Observer,
+) -> Result<Solid, PipelineError> {
+    let go_on = || observer.check();
     warn_if_cut(volume, index, bounds, warnings);
-    let mut native = cut_out(volume, index, bounds);
+    let mut native = cut_out(volume, index, bounds, &go_on)?;
     let plan = WorkingGrid::plan(&native, resolution_mm);
     plan.check_size()?;
-    native.mask = clean(native.mask, warnings);
-    let (mask, mut soft) = if plan.is_native { embed(&native.mask, &plan) } else { resample(&native, &plan) };
-    gaussian(&mut soft, [BOUNDARY_SIGMA; 3]);
-    soft.as_mut_slice().par_iter_mut().for_each(|v| *v -= 0.5);
-    let inside = keep_one_piece(&mut soft);
+    native.mask = clean(native.mask, warnings, &go_on)?;
+    let (mask, mut soft) =
+        if plan.is_native { embed(&native.mask, &plan, &go_on)? } else { resample(&native, &plan, &go_on)? };
+    gaussian(&mut soft, [BOUNDARY_SIGMA; 3], &go_on)?;
+    soft.as_mut_slice().par_chunks_mut(SLICE).try_for_each(|slice| {
+        go_on()?;
+        slice.iter_mut().for_each(|v| *v -= 0.5);
+        Ok::<_, Cancelled>(())
+    })?;
+    let inside = keep_one_piece(&mut soft, &go_on)?;
     if !inside.as_slice().contains(&true) {
-        return Err(too_thin(&mask, plan.voxel_mm));
+        return Err(too_thin(&mask, plan.voxel_mm, &go_on)?.into());
     }
     // One piece without cavities has one tunnel for each that its Euler number is below 1.
-    let closed = euler_number(&inside) - euler_number(&mask);
+    let closed = euler_number(&inside, &go_on)? - euler_number(&mask, &go_on)?;
     if closed > 0 {
         let message = format!("tunnels of the mask that are too narrow for the grid were closed: {closed}");
         warnings.push(Warning { code: "tunnels_closed", message });
@@ -138,12 +152,13 @@ pub fn solid(
     Ok(Solid { inside, mask, level: Field(soft), world_from_work, voxel_mm, native })
 }
 
-fn too_thin(mask: &Grid<bool>, voxel_mm: f64) -> Refusal {
-    let outward = nearest_seed(mask.dims(), [1.0; 3], &boundary_voxels(mask, false)).squared;
+fn too_thin(mask: &Grid<bool>, voxel_mm: f64, go_on: &GoOn<'_>) -> Result<Refusal, Cancelled> {
+    let outward = nearest_seed(mask.dims(), [1.0; 3], &boundary_voxels(mask, false, go_on)?, go_on)?.squared;
     let depths = outward.as_slice().iter().zip(mask.as_slice()).filter(|(_, is_inside)| **is_inside);
     let deepest = depths.fold(0.0f32, |a, (b, _)| a.max(*b)).sqrt();
     let voxels = 2.0 * f64::from(deepest) - 1.0;
-    Refusal::TooThin { thickness_mm: voxels * voxel_mm, voxels, voxel_mm, resolution_mm: voxel_mm * voxels / 4.0 }
+    let (thickness_mm, resolution_mm) = (voxels * voxel_mm, voxel_mm * voxels / 4.0);
+    Ok(Refusal::TooThin { thickness_mm, voxels, voxel_mm, resolution_mm })
 }
 
 fn warn_if_cut(volume: &LabelVolume, index: u16, bounds: LabelBox, warnings: &mut Vec<Warning>) {
@@ -172,7 +187,7 @@ fn warn_if_cut(volume: &LabelVolume, index: u16, bounds: LabelBox, warnings: &mu
 /// A label's box with one free voxel all around, its axes permuted and reversed so that they run
 /// towards right, anterior and superior as nearly as they can. What follows breaks ties by the order
 /// of voxels: this makes it the world's order, not that of the file.
-fn cut_out(volume: &LabelVolume, index: u16, bounds: LabelBox) -> NativeMask {
+fn cut_out(volume: &LabelVolume, index: u16, bounds: LabelBox, go_on: &GoOn<'_>) -> Result<NativeMask, Cancelled> {
     let first = Vector3::from_fn(|a, _| bounds.low[a] as f64 - 1.0);
     let world_from_crop = volume.world_from_voxel.shifted_to(first);
     let axes = nearest_axes(&world_from_crop);
@@ -189,10 +204,11 @@ fn cut_out(volume: &LabelVolume, index: u16, bounds: LabelBox) -> NativeMask {
         volume.indices.offset(from)
     };
     let inner = |n: usize, length: usize| n > 0 && n + 1 < length;
-    mask.as_mut_slice().par_chunks_mut(width).enumerate().with_min_len(64).for_each(|(row, out)| {
+    mask.as_mut_slice().par_chunks_mut(width).enumerate().with_min_len(64).try_for_each(|(row, out)| {
+        go_on()?;
         let (j, k) = (row % height, row / height);
         if !inner(j, height) || !inner(k, dims[2]) {
-            return;
+            return Ok(());
         }
         let (from, to) = (source([1, j, k]), source([width - 2, j, k]));
         let step = from.abs_diff(to) / (width - 3).max(1);
@@ -200,8 +216,9 @@ fn cut_out(volume: &LabelVolume, index: u16, bounds: LabelBox) -> NativeMask {
             let offset = if from <= to { from + n * step } else { from - n * step };
             *cell = volume.indices.as_slice()[offset] == index;
         }
-    });
-    NativeMask { mask, world_from_voxel: permuted(&world_from_crop, axes, size) }
+        Ok(())
+    })?;
+    Ok(NativeMask { mask, world_from_voxel: permuted(&world_from_crop, axes, size) })
 }
 
 /// The map of voxels whose axes were permuted and reversed.
@@ -246,8 +263,8 @@ fn nearest_axes(world_from_voxel: &WorldFromVoxel) -> [(usize, bool); 3] {
 }
 
 /// The largest part without cavities.
-fn clean(mut mask: Grid<bool>, warnings: &mut Vec<Warning>) -> Grid<bool> {
-    let parts = components(&mask, true, Connectivity::Corners26);
+fn clean(mut mask: Grid<bool>, warnings: &mut Vec<Warning>, go_on: &GoOn<'_>) -> Result<Grid<bool>, Cancelled> {
+    let parts = components(&mask, true, Connectivity::Corners26, go_on)?;
     let size = parts.sizes.iter().max().copied().unwrap_or(0);
     let dropped = parts.set_all_but(parts.largest(), &mut mask, false);
     if dropped > 0 {
@@ -256,37 +273,39 @@ fn clean(mut mask: Grid<bool>, warnings: &mut Vec<Warning>) -> Grid<bool> {
         let message = format!("kept the largest of {} parts; {dropped} voxels were dropped", parts.sizes.len());
         warnings.push(Warning { code, message });
     }
-    let filled = fill_cavities(&mut mask);
+    let filled = fill_cavities(&mut mask, go_on)?;
     if filled > 0 {
         let message = format!("filled cavities of {filled} voxels");
         warnings.push(Warning { code: "cavities_filled", message });
     }
-    mask
+    Ok(mask)
 }
 
 /// Fills background that is not joined by faces to the grid's first voxel, which is free.
-fn fill_cavities(mask: &mut Grid<bool>) -> usize {
-    let background = components(mask, false, Connectivity::Faces6);
-    background.set_all_but(background.of_first_voxel(), mask, true)
+fn fill_cavities(mask: &mut Grid<bool>, go_on: &GoOn<'_>) -> Result<usize, Cancelled> {
+    let background = components(mask, false, Connectivity::Faces6, go_on)?;
+    Ok(background.set_all_but(background.of_first_voxel(), mask, true))
 }
 
 /// The inside of the smoothed boundary, reduced to its largest part without cavities. The level
 /// is changed to agree.
-pub(super) fn keep_one_piece(level: &mut Grid<f32>) -> Grid<bool> {
+pub(super) fn keep_one_piece(level: &mut Grid<f32>, go_on: &GoOn<'_>) -> Result<Grid<bool>, Cancelled> {
     /// Level given to voxels that change sides: what half a voxel of depth has.
     const DECIDED: f32 = 0.2;
-    let raw: Vec<bool> = level.as_slice().par_iter().map(|v| *v > 0.0).collect();
-    let mut inside = Grid::from_vec(level.dims(), raw).expect("as many voxels as the level has");
-    let parts = components(&inside, true, Connectivity::Corners26);
+    let mut inside = level.try_map(|v| *v > 0.0, go_on)?;
+    let parts = components(&inside, true, Connectivity::Corners26, go_on)?;
     let dropped = parts.set_all_but(parts.largest(), &mut inside, false);
-    if dropped + fill_cavities(&mut inside) > 0 {
-        for (v, m) in level.as_mut_slice().iter_mut().zip(inside.as_slice()) {
-            if *m != (*v > 0.0) {
-                *v = if *m { DECIDED } else { -DECIDED };
+    if dropped + fill_cavities(&mut inside, go_on)? > 0 {
+        for (level, inside) in level.as_mut_slice().chunks_mut(SLICE).zip(inside.as_slice().chunks(SLICE)) {
+            go_on()?;
+            for (v, m) in level.iter_mut().zip(inside) {
+                if *m != (*v > 0.0) {
+                    *v = if *m { DECIDED } else { -DECIDED };
+                }
             }
         }
     }
-    inside
+    Ok(inside)
 }
 
 /// Where the working grid lies.
@@ -361,45 +380,56 @@ fn at_origin(world_from_voxel: &WorldFromVoxel) -> (WorldFromVoxel, Vector3<f64>
 }
 
 /// The mask with more room around it, and the same as numbers.
-fn embed(native: &Grid<bool>, plan: &WorkingGrid) -> (Grid<bool>, Grid<f32>) {
+fn embed(native: &Grid<bool>, plan: &WorkingGrid, go_on: &GoOn<'_>) -> Result<(Grid<bool>, Grid<f32>), Cancelled> {
     let mut mask = Grid::filled(plan.dims, false);
     let [nx, ny, nz] = native.dims();
     let shift = PADDING - 1;
     for k in 0..nz {
+        go_on()?;
         for j in 0..ny {
             let (from, to) = (native.offset([0, j, k]), mask.offset([shift, j + shift, k + shift]));
             mask.as_mut_slice()[to..to + nx].copy_from_slice(&native.as_slice()[from..from + nx]);
         }
     }
-    let soft = mask.map(|m| f32::from(u8::from(*m)));
-    (mask, soft)
+    let soft = mask.try_map(|m| f32::from(u8::from(*m)), go_on)?;
+    Ok((mask, soft))
 }
 
 /// Shape-based interpolation (Raya, Udupa, IEEE TMI 9, 1990): the signed distance is read between
 /// the voxels and made a mask again, with soft edges.
-fn resample(native: &NativeMask, plan: &WorkingGrid) -> (Grid<bool>, Grid<f32>) {
+fn resample(native: &NativeMask, plan: &WorkingGrid, go_on: &GoOn<'_>) -> Result<(Grid<bool>, Grid<f32>), Cancelled> {
     /// Half-way between two voxels the share is this but for rounding, which is to decide nothing.
     const HALF: f32 = 0.500_001;
-    let signed = signed_distance_mm(&native.mask, native.world_from_voxel.spacing_mm());
+    let signed = signed_distance_mm(&native.mask, native.world_from_voxel.spacing_mm(), go_on)?;
     let (crop_mm, _) = at_origin(&native.world_from_voxel);
-    let soft = Grid::of(plan.dims, |at| {
+    let share_of = |at: VoxelIndex| {
         let crop = crop_mm.voxel(plan.centred.point(Point3::from(at.map(|x| x as f64))));
         #[expect(clippy::cast_possible_truncation, reason = "the grid is f32")]
         let share = (0.5 + cubic(&signed, crop) / plan.voxel_mm).clamp(0.0, 1.0) as f32;
         share
-    });
-    (soft.map(|share| *share > HALF), soft)
+    };
+    let soft = Grid::try_of(plan.dims, share_of, go_on)?;
+    Ok((soft.try_map(|share| *share > HALF, go_on)?, soft))
 }
 
 /// Signed distance to the voxel boundary, positive inside: half the distance to the nearest
 /// outside voxel centre less that to the nearest inside one.
-fn signed_distance_mm(mask: &Grid<bool>, spacing_mm: [f64; 3]) -> Grid<f32> {
-    let to = |value: bool| nearest_seed(mask.dims(), spacing_mm, &boundary_voxels(mask, value)).squared;
-    let mut signed = to(false);
-    let inward = to(true);
-    let values = signed.as_mut_slice().par_iter_mut().zip(inward.as_slice()).zip(mask.as_slice());
-    values.for_each(|((o, i), is_inside)| *o = if *is_inside { o.sqrt() } else { -i.sqrt() } / 2.0);
-    signed
+fn signed_distance_mm(mask: &Grid<bool>, spacing_mm: [f64; 3], go_on: &GoOn<'_>) -> Result<Grid<f32>, Cancelled> {
+    let to = |value: bool| {
+        let seeds = boundary_voxels(mask, value, go_on)?;
+        Ok(nearest_seed(mask.dims(), spacing_mm, &seeds, go_on)?.squared)
+    };
+    let mut signed = to(false)?;
+    let inward = to(true)?;
+    let slices = inward.as_slice().par_chunks(SLICE).zip(mask.as_slice().par_chunks(SLICE));
+    signed.as_mut_slice().par_chunks_mut(SLICE).zip(slices).try_for_each(|(outward, (inward, mask))| {
+        go_on()?;
+        for ((o, i), is_inside) in outward.iter_mut().zip(inward).zip(mask) {
+            *o = if *is_inside { o.sqrt() } else { -i.sqrt() } / 2.0;
+        }
+        Ok(())
+    })?;
+    Ok(signed)
 }
 
 /// Catmull-Rom interpolation along each axis; the edge goes on outside.

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::coverage::SkinSearch;
 use super::model::{Distortion, MeanAndP95};
+use super::observer::{Cancelled, Observer};
 use super::params::LatticeSize;
 use super::shell::{Quad, Shell};
 use super::spokes::Nodes;
@@ -78,8 +79,10 @@ fn corner_turns(space: &[Point3<f64>], plane: &[Point3<f64>], quad: &Quad) -> [f
 /// to the nearest skin on the one and on the other side of the sheet that faces away from it
 /// within 60° of its normal: a blunt rim is as near on both sides and says nothing. Zero of a perfect medial sheet, one of
 /// a node on the skin or outside. The vectors are not used: they need not be the shortest way.
-#[must_use]
-pub fn medial_offset(nodes: &Nodes, skin: &SkinSearch<'_>) -> MeanAndP95 {
+///
+/// # Errors
+/// When the observer asks to stop.
+pub fn medial_offset(nodes: &Nodes, skin: &SkinSearch<'_>, observer: &dyn Observer) -> Result<MeanAndP95, Cancelled> {
     /// Cosine of 60°, the angle at which skin stops to be crest in the stage of the sides, too.
     const FACING_COSINE: f64 = 0.5;
     /// Nodes looked at; more say nothing new and cost time.
@@ -104,7 +107,8 @@ pub fn medial_offset(nodes: &Nodes, skin: &SkinSearch<'_>) -> MeanAndP95 {
         // Without skin on one of the sides it is on the other.
         if has_both { (sides[0] - sides[1]).abs() / (sides[0] + sides[1]).max(1e-12) } else { 1.0 }
     };
-    MeanAndP95::of(valid.par_iter().step_by(step).map(|&node| offset(node)).collect())
+    let offset = |&node: &usize| observer.check().map(|()| offset(node));
+    Ok(MeanAndP95::of(valid.par_iter().step_by(step).map(offset).collect::<Result<_, _>>()?))
 }
 
 /// Normal of the medial lattice at a node, of any sign and length.

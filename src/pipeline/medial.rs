@@ -72,10 +72,12 @@ pub struct MedialSurface {
 
 impl MedialSurface {
     /// The part made of some points (ascending).
-    #[must_use]
-    pub fn part(&self, members: &[u32]) -> Surface {
+    ///
+    /// # Errors
+    /// When the observer asks to stop.
+    pub fn part(&self, members: &[u32], observer: &dyn Observer) -> Result<Surface, Cancelled> {
         let touching = |p: u32, list: &mut Vec<u32>| list.extend_from_slice(&self.adjacency[p as usize]);
-        Surface::made_of(members, self.points.len(), |p| self.points[p as usize].position, touching)
+        Surface::made_of(members, self.points.len(), |p| self.points[p as usize].position, touching, observer)
     }
 }
 
@@ -84,17 +86,18 @@ impl MedialSurface {
 /// # Errors
 /// When the observer asks to stop.
 pub fn medial_surface(solid: &Solid, depth: &Depth, observer: &dyn Observer) -> Result<MedialSurface, Cancelled> {
-    let medial = medial_voxels(solid, depth);
+    let medial = medial_voxels(solid, depth, observer)?;
     let left = thin(&solid.inside, depth, &medial, observer)?;
-    Ok(surface_of(&left, depth))
+    surface_of(&left, depth, observer)
 }
 
 /// Voxels between two far feet.
-fn medial_voxels(solid: &Solid, depth: &Depth) -> Vec<usize> {
+fn medial_voxels(solid: &Solid, depth: &Depth, observer: &dyn Observer) -> Result<Vec<usize>, Cancelled> {
     let inside = solid.inside.as_slice();
     let [nx, ny, _] = solid.inside.dims();
     let nearest = depth.nearest.as_slice();
     let of_row = |row: usize| {
+        observer.check()?;
         let mut found = Vec::new();
         for i in 0..nx {
             let offset = row * nx + i;
@@ -120,9 +123,10 @@ fn medial_voxels(solid: &Solid, depth: &Depth) -> Vec<usize> {
                 }
             }
         }
-        found
+        Ok(found)
     };
-    (0..inside.len() / nx).into_par_iter().with_min_len(16).flat_map_iter(of_row).collect()
+    let rows = (0..inside.len() / nx).into_par_iter().with_min_len(16).map(of_row);
+    Ok(rows.collect::<Result<Vec<Vec<usize>>, _>>()?.concat())
 }
 
 /// The rank of a depth in the order of thinning. Depths are compared in steps: in a sheet of even
@@ -185,6 +189,9 @@ fn thin(
     let mut cells = peeled(inside, depth, medial, observer)?;
     let mut front = Front::default();
     for o in 0..cells.len() {
+        if o.is_multiple_of(CANCEL_EVERY) {
+            observer.check()?;
+        }
         let is_open = cells[o] & (LEFT | OPEN | MEDIAL) == LEFT | OPEN;
         if is_open && is_simple(neighborhood(|n| cells[n], o, nx, nxy)) {
             cells[o] |= QUEUED;
@@ -212,18 +219,29 @@ fn thin(
             }
         }
     }
-    let mut left: Vec<usize> = (0..cells.len()).filter(|&o| cells[o] & LEFT != 0).collect();
-    thin_to_one_voxel(&mut cells, [nx, nxy], &mut left, rank_of);
+    let mut left = Vec::new();
+    for (n, slice) in cells.chunks(CANCEL_EVERY).enumerate() {
+        observer.check()?;
+        left.extend((0..slice.len()).filter(|&o| slice[o] & LEFT != 0).map(|o| n * CANCEL_EVERY + o));
+    }
+    thin_to_one_voxel(&mut cells, [nx, nxy], &mut left, rank_of, observer)?;
     Ok(left)
 }
 
 /// Medial voxels make the surface two thick in places: what is no end of the surface is thinned,
 /// until nothing changes.
-fn thin_to_one_voxel(cells: &mut [u8], [nx, nxy]: [usize; 2], left: &mut Vec<usize>, rank_of: impl Fn(usize) -> usize) {
+fn thin_to_one_voxel(
+    cells: &mut [u8],
+    [nx, nxy]: [usize; 2],
+    left: &mut Vec<usize>,
+    rank_of: impl Fn(usize) -> usize,
+    observer: &dyn Observer,
+) -> Result<(), Cancelled> {
     /// Rounds at most; each takes at least one voxel away, and two or three are the rule.
     const MAX_ROUNDS: usize = 64;
     left.sort_by_key(|&o| (rank_of(o), o));
     for _ in 0..MAX_ROUNDS {
+        observer.check()?;
         let before = left.len();
         left.retain(|&o| {
             let bits = neighborhood(|n| cells[n], o, nx, nxy);
@@ -236,20 +254,23 @@ fn thin_to_one_voxel(cells: &mut [u8], [nx, nxy]: [usize; 2], left: &mut Vec<usi
         }
     }
     left.sort_unstable();
+    Ok(())
 }
 
 /// Sub-voxel points of the voxels that are left.
-fn surface_of(left: &[usize], depth: &Depth) -> MedialSurface {
-    let points = left.par_iter().with_min_len(64).map(|&o| medial_point(depth, o)).collect();
-    MedialSurface { points, adjacency: touching(left, depth.depth.dims()) }
+fn surface_of(left: &[usize], depth: &Depth, observer: &dyn Observer) -> Result<MedialSurface, Cancelled> {
+    let point = |&o: &usize| observer.check().map(|()| medial_point(depth, o));
+    let points = left.par_iter().with_min_len(64).map(point).collect::<Result<_, _>>()?;
+    Ok(MedialSurface { points, adjacency: touching(left, depth.depth.dims(), observer)? })
 }
 
 /// The 26-neighbours of each of some voxels (ascending, none on the grid's edge) among them.
-fn touching(voxels: &[usize], [nx, ny, _]: [usize; 3]) -> Vec<Vec<u32>> {
+fn touching(voxels: &[usize], [nx, ny, _]: [usize; 3], observer: &dyn Observer) -> Result<Vec<Vec<u32>>, Cancelled> {
     /// Voxels that are worked on together.
     const CHUNK: usize = 4096;
     let steps = |o: usize| around(o, 1, [nx, nx * ny]);
     let of_chunk = |chunk: &[usize]| {
+        observer.check()?;
         // Where each of the 27 neighbours would be: it moves on as the voxel does.
         let mut place: Vec<usize> = steps(chunk[0]).map(|n| voxels.partition_point(|&v| v < n)).collect();
         let mut of_voxel = |o: usize| {
@@ -264,9 +285,10 @@ fn touching(voxels: &[usize], [nx, ny, _]: [usize; 3]) -> Vec<Vec<u32>> {
             }
             list
         };
-        chunk.iter().map(|&o| of_voxel(o)).collect::<Vec<_>>()
+        Ok(chunk.iter().map(|&o| of_voxel(o)).collect::<Vec<_>>())
     };
-    voxels.par_chunks(CHUNK).flat_map_iter(of_chunk).collect()
+    let lists = voxels.par_chunks(CHUNK).map(of_chunk).collect::<Result<Vec<_>, _>>()?;
+    Ok(lists.into_iter().flatten().collect())
 }
 
 /// The medial point of a voxel: its feet on two sides, and the place where they are equally far.

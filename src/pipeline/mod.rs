@@ -107,7 +107,7 @@ pub enum PipelineError {
 /// When cancelled, when a label asked for is missing, or when every structure is refused.
 pub fn run(volume: &LabelVolume, params: &CheckedParams, observer: &dyn Observer) -> Result<Model, PipelineError> {
     let indices = label_indices(volume, params)?;
-    let boxes = mask::label_boxes(volume);
+    let boxes = mask::label_boxes(volume, observer)?;
     let structure = |number: usize| {
         let index = indices[number];
         let bounds = boxes[usize::from(index)].ok_or(Refusal::EmptyMask)?;

@@ -1,5 +1,7 @@
 //! How a stage speaks while it works: progress, warnings, and whether to stop.
 
+pub use crate::numerics::cancel::Cancelled;
+
 /// The stages in the order of the paper; their names are those of `timings_ms`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Stage {
@@ -62,11 +64,6 @@ pub struct Warning {
     /// One sentence, with figures.
     pub message: String,
 }
-
-/// The user asked to stop.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("cancelled")]
-pub struct Cancelled;
 
 /// Listens to a run. Called from worker threads.
 pub trait Observer: Sync {

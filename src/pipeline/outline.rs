@@ -4,12 +4,14 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Matrix2, Matrix3, Point2, Point3, SymmetricEigen, Vector2, Vector3};
 
+use crate::numerics::cancel::GoOn;
 use crate::numerics::components::{Connectivity, components};
 use crate::numerics::distance::nearest_seed;
 use crate::numerics::field::{Field, floor_index};
 use crate::numerics::smooth::gaussian;
 use crate::space::Grid;
 
+use super::observer::{Cancelled, Observer};
 use super::patch::Patch;
 
 /// Pixel of the region's raster, voxels.
@@ -48,8 +50,11 @@ pub struct Region {
 
 impl Region {
     /// The region of `points`: their closing, with holes filled and a smooth outline.
-    #[must_use]
-    pub fn of(points: &[Point2<f64>]) -> Self {
+    ///
+    /// # Errors
+    /// When the observer asks to stop.
+    pub fn of(points: &[Point2<f64>], observer: &dyn Observer) -> Result<Self, Cancelled> {
+        let go_on = || observer.check();
         let low = points.iter().fold(Vector2::repeat(f64::INFINITY), |a, p| a.inf(&p.coords));
         let high = points.iter().fold(Vector2::repeat(f64::NEG_INFINITY), |a, p| a.sup(&p.coords));
         let origin = Point2::from(low - Vector2::repeat(PADDING as f64 * PITCH));
@@ -63,18 +68,18 @@ impl Region {
         taken.sort_unstable();
         taken.dedup();
         let reach = CLOSING / PITCH;
-        let mut near = nearest_seed(dims, [1.0; 3], &taken).squared;
+        let mut near = nearest_seed(dims, [1.0; 3], &taken, &go_on)?.squared;
         let is_far = |o: &usize| f64::from(near.as_slice()[*o]) > reach * reach;
         let far: Vec<usize> = (0..near.as_slice().len()).filter(is_far).collect();
-        let rim = nearest_seed(dims, [1.0; 3], &far).squared;
+        let rim = nearest_seed(dims, [1.0; 3], &far, &go_on)?.squared;
         let shrink = reach - OVERHANG / PITCH;
-        let inside = rim.map(|d| f64::from(*d) > shrink * shrink);
-        let (inside, hole_share) = fill_holes(inside);
-        let mut level = inside.map(|m| f32::from(u8::from(*m)));
-        gaussian(&mut level, [OUTLINE_SIGMA / PITCH, OUTLINE_SIGMA / PITCH, 0.0]);
+        let inside = rim.try_map(|d| f64::from(*d) > shrink * shrink, go_on)?;
+        let (inside, hole_share) = fill_holes(inside, &go_on)?;
+        let mut level = inside.try_map(|m| f32::from(u8::from(*m)), go_on)?;
+        gaussian(&mut level, [OUTLINE_SIGMA / PITCH, OUTLINE_SIGMA / PITCH, 0.0], &go_on)?;
         level.as_mut_slice().iter_mut().for_each(|v| *v -= 0.5);
         near.as_mut_slice().iter_mut().for_each(|d| *d = d.sqrt());
-        Self { origin, level: Field(level), gap: Field(near), slack: 0.0, hole_share }
+        Ok(Self { origin, level: Field(level), gap: Field(near), slack: 0.0, hole_share })
     }
 
     /// The same region with another outline, counter-clockwise, no further than a few voxels away.
@@ -154,17 +159,20 @@ impl Region {
     /// Corners are the places farthest out along the diagonals of the rectangle that has the region's
     /// second moments, along and across its bent axis: those of a rectangle are its corners, an
     /// ellipse has them where both axes have the same share.
-    #[must_use]
-    pub fn patch(&self) -> Option<Patch> {
+    ///
+    /// # Errors
+    /// When the observer asks to stop.
+    pub fn patch(&self, observer: &dyn Observer) -> Result<Option<Patch>, Cancelled> {
         let outline = self.outline();
         if outline.len() < 8 {
-            return None;
+            return Ok(None);
         }
+        observer.check()?;
         let axis = Axis::of(self);
         let corners = axis.corners(self, &outline);
         let side = |k: usize| Arc::between(&outline, corners[k], corners[(k + 1) % 4]);
         let sides = [side(0), side(1), side(2), side(3)];
-        Some(Patch::harmonic(self, &sides))
+        Ok(Some(Patch::harmonic(self, &sides, observer)?))
     }
 
     /// Smallest and largest coordinates of the outline; `None` for an empty region.
@@ -451,11 +459,11 @@ impl Arc {
 }
 
 /// Keeps the largest piece of the pixels and fills its holes; returns their share too.
-fn fill_holes(mut pixels: Grid<bool>) -> (Grid<bool>, f64) {
-    let pieces = components(&pixels, true, Connectivity::Corners26);
+fn fill_holes(mut pixels: Grid<bool>, go_on: &GoOn<'_>) -> Result<(Grid<bool>, f64), Cancelled> {
+    let pieces = components(&pixels, true, Connectivity::Corners26, go_on)?;
     pieces.set_all_but(pieces.largest(), &mut pixels, false);
-    let background = components(&pixels, false, Connectivity::Faces6);
+    let background = components(&pixels, false, Connectivity::Faces6, go_on)?;
     let filled = background.set_all_but(background.of_first_voxel(), &mut pixels, true);
     let area = pixels.as_slice().iter().filter(|p| **p).count().max(1);
-    (pixels, filled as f64 / area as f64)
+    Ok((pixels, filled as f64 / area as f64))
 }

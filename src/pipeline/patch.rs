@@ -9,6 +9,7 @@ use nalgebra::{Point2, Vector2};
 
 use crate::numerics::field::floor_index;
 
+use super::observer::{Cancelled, Observer};
 use super::outline::{Arc, PITCH, Region};
 
 /// Nodes of the table along each side of the square.
@@ -33,11 +34,13 @@ pub struct Patch {
 
 impl Patch {
     /// From a region and the four pieces of its outline, counter-clockwise from the bottom.
-    #[must_use]
-    pub fn harmonic(region: &Region, sides: &[Arc; 4]) -> Self {
+    ///
+    /// # Errors
+    /// When the observer asks to stop.
+    pub fn harmonic(region: &Region, sides: &[Arc; 4], observer: &dyn Observer) -> Result<Self, Cancelled> {
         let [nx, ny, _] = region.level.0.dims();
         let stride = nx.max(ny).div_ceil(MOST_PIXELS);
-        let raster = Raster::solved(region, &RimShares::of(sides), stride);
+        let raster = Raster::solved(region, &RimShares::of(sides), stride, observer)?;
         let mut patch = Self { rows: TABLE, cols: TABLE, table: vec![Vector2::repeat(f64::NAN); TABLE * TABLE] };
         let width = raster.dims[0];
         for o in (0..raster.kind.len() - width - 1).filter(|&o| raster.is_inside(o)) {
@@ -50,7 +53,7 @@ impl Patch {
         }
         patch.set_sides(sides);
         patch.close_gaps();
-        patch
+        Ok(patch)
     }
 
     /// Sets the table nodes inside a triangle, given by shares and places of its corners.
@@ -142,10 +145,10 @@ struct Raster {
 impl Raster {
     /// Solved on a raster of half as many pixels along each side first, on which what is smooth
     /// settles at a quarter of the cost.
-    fn solved(region: &Region, rim: &RimShares, stride: usize) -> Self {
+    fn solved(region: &Region, rim: &RimShares, stride: usize, observer: &dyn Observer) -> Result<Self, Cancelled> {
         let [nx, ny, _] = region.level.0.dims();
         let is_coarsest = nx.max(ny) / stride < 2 * LEAST_PIXELS;
-        let coarse = (!is_coarsest).then(|| Self::solved(region, rim, 2 * stride));
+        let coarse = (!is_coarsest).then(|| Self::solved(region, rim, 2 * stride, observer)).transpose()?;
         let mut raster = Self::blank(region, stride);
         raster.shares = (0..raster.kind.len())
             .map(|o| match (raster.kind[o], &coarse) {
@@ -156,8 +159,8 @@ impl Raster {
                 _ => Vector2::repeat(0.5),
             })
             .collect();
-        raster.relax();
-        raster
+        raster.relax(observer)?;
+        Ok(raster)
     }
 
     fn blank(region: &Region, stride: usize) -> Self {
@@ -216,7 +219,7 @@ impl Raster {
     }
 
     /// Solves Laplace's equation for both shares on the inner pixels, by over-relaxation.
-    fn relax(&mut self) {
+    fn relax(&mut self, observer: &dyn Observer) -> Result<(), Cancelled> {
         let width = self.dims[0];
         let inner: Vec<usize> = (0..self.kind.len()).filter(|&o| self.kind[o] == Pixel::Inner).collect();
         // The best factor of a square of this many pixels; a longer region settles no slower.
@@ -224,6 +227,7 @@ impl Raster {
         let factor = 2.0 / (1.0 + (std::f64::consts::PI / across).sin());
         let shares = &mut self.shares;
         for _ in 0..MAX_SWEEPS {
+            observer.check()?;
             let mut moved = 0.0f64;
             for &o in &inner {
                 let mean = (shares[o - 1] + shares[o + 1] + shares[o - width] + shares[o + width]) / 4.0;
@@ -235,6 +239,7 @@ impl Raster {
                 break;
             }
         }
+        Ok(())
     }
 }
 

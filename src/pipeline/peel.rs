@@ -52,7 +52,7 @@ pub(super) fn peeled(
     medial: &[usize],
     observer: &dyn Observer,
 ) -> Result<Vec<u8>, Cancelled> {
-    let peel = Peel::new(inside, depth, medial);
+    let peel = Peel::new(inside, depth, medial, observer)?;
     let mut bands = vec![Parts::default()];
     let far = depth.skin_voxels.par_iter().copied().filter(|&o| peel.cells[o].load(Relaxed) & NEAR == 0);
     peel.sort(far, 0, &mut bands);
@@ -60,9 +60,9 @@ pub(super) fn peeled(
     while number < bands.len() {
         let (mut held, mut has_gone) = (Parts::default(), false);
         while bands[number].iter().any(|part| !part.is_empty()) {
-            observer.check()?;
             let open = std::mem::take(&mut bands[number]);
             for (part, held) in open.iter().zip(&mut held) {
+                observer.check()?;
                 let (going, staying): (Vec<u32>, Vec<u32>) =
                     part.par_iter().with_min_len(PER_TASK).partition(|&&o| peel.is_free(o as usize));
                 let opened = going.par_iter().with_min_len(PER_TASK).flat_map_iter(|&o| peel.take_away(o as usize));
@@ -89,20 +89,26 @@ struct Peel<'a> {
 }
 
 impl<'a> Peel<'a> {
-    fn new(inside: &Grid<bool>, depth: &'a Depth, medial: &[usize]) -> Self {
-        let solid = inside.as_slice().par_iter().with_min_len(1 << 14);
-        let cells: Vec<AtomicU8> = solid.map(|is_in| AtomicU8::new(u8::from(*is_in) * LEFT)).collect();
+    fn new(
+        inside: &Grid<bool>,
+        depth: &'a Depth,
+        medial: &[usize],
+        observer: &dyn Observer,
+    ) -> Result<Self, Cancelled> {
+        let cells = inside.try_map(|is_in| AtomicU8::new(u8::from(*is_in) * LEFT), || observer.check())?.into_vec();
         let [nx, ny, _] = inside.dims();
-        medial.par_iter().with_min_len(PER_TASK).for_each(|&o| {
+        medial.par_iter().with_min_len(PER_TASK).try_for_each(|&o| {
+            observer.check()?;
             around(o, NEAR_STEPS, [nx, nx * ny]).for_each(|n| {
                 cells[n].fetch_or(NEAR, Relaxed);
             });
             cells[o].fetch_or(MEDIAL, Relaxed);
-        });
+            Ok(())
+        })?;
         depth.skin_voxels.par_iter().with_min_len(PER_TASK).for_each(|&o| {
             cells[o].fetch_or(OPEN, Relaxed);
         });
-        Self { depth: depth.depth.as_slice(), dims: inside.dims().map(id), cells }
+        Ok(Self { depth: depth.depth.as_slice(), dims: inside.dims().map(id), cells })
     }
 
     fn strides(&self) -> [usize; 2] {

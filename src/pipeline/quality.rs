@@ -9,23 +9,33 @@ use super::depth::Depth;
 use super::legality::{Illegal, legality};
 use super::mask::Solid;
 use super::measures::{distortion, medial_offset, spacing_variation, worse};
-use super::model::{Distortion, FigureQuality, MeanAndP95, PerSurface, Repair, StructureQuality};
+use super::model::{Distortion, FigureQuality, MeanAndP95, PerSurface, Repair, StructureQuality, TriangleMesh};
+use super::observer::{Cancelled, Observer};
 use super::shell::Shell;
 use super::spokes::Nodes;
 use super::verdict::judge;
 
 /// What can be said of a figure by itself: legality of its parts, evenness of its lattice. How
 /// it fits the mask is added by [`structure_quality`].
-#[must_use]
-pub fn figure_quality(nodes: &Nodes, residual_variance: PerSurface<f64>, repair: Repair) -> FigureQuality {
+///
+/// # Errors
+/// When the observer asks to stop.
+pub fn figure_quality(
+    nodes: &Nodes,
+    residual_variance: PerSurface<f64>,
+    repair: Repair,
+    observer: &dyn Observer,
+) -> Result<FigureQuality, Cancelled> {
     let shell = Shell::from(nodes);
     let legality = legality(shell);
     let named = |is_wedge: bool| {
         let parts = legality.parts.iter().filter(|p| p.part.is_wedge() == is_wedge);
         parts.map(|&Illegal { part, i, j, .. }| (part.is_upper(), i, j)).collect()
     };
+    observer.check()?;
+    let crossings = |mesh: TriangleMesh| self_intersections(&mesh.positions, &mesh.triangles, &|| observer.check());
     let is_untouched = repair.moved_nodes == 0;
-    FigureQuality {
+    Ok(FigureQuality {
         residual_variance,
         folds: legality.folds,
         corners: legality.corners,
@@ -33,32 +43,35 @@ pub fn figure_quality(nodes: &Nodes, residual_variance: PerSurface<f64>, repair:
         folded_centres: legality.folded_centres,
         folded_wedges: named(true),
         repair: if is_untouched { Repair { folds_before: legality.folds, ..Repair::default() } } else { repair },
-        self_intersections: closed(shell).map(|mesh| self_intersections(&mesh.positions, &mesh.triangles)),
+        self_intersections: closed(shell).map(crossings).transpose()?,
         spacing_variation: spacing_variation(nodes.size, &nodes.medial),
         distortion: distortion(shell, &nodes.intrinsic.medial),
         valid_share: nodes.valid.iter().filter(|v| **v).count() as f64 / nodes.valid.len().max(1) as f64,
         ..FigureQuality::default()
-    }
+    })
 }
 
 /// Quality of a structure from all its figures; what is measured against the mask is added to
 /// theirs.
-#[must_use]
+///
+/// # Errors
+/// When the observer asks to stop.
 pub fn structure_quality(
     solid: &Solid,
     depth: &Depth,
     figures: &[Nodes],
     qualities: &mut [FigureQuality],
-) -> StructureQuality {
-    let skin = SkinSearch::of(&depth.skin);
-    let (whole, each) = coverage(solid, &skin, figures);
+    observer: &dyn Observer,
+) -> Result<StructureQuality, Cancelled> {
+    let skin = SkinSearch::of(&depth.skin, observer)?;
+    let (whole, each) = coverage(solid, &skin, figures, observer)?;
     for ((quality, coverage), nodes) in qualities.iter_mut().zip(each).zip(figures) {
         quality.coverage = coverage;
-        quality.medial_offset = medial_offset(nodes, &skin);
+        quality.medial_offset = medial_offset(nodes, &skin, observer)?;
     }
     let mut quality = StructureQuality { coverage: whole, ..summed(qualities) };
     judge(&mut quality, qualities, solid.voxel_mm);
-    quality
+    Ok(quality)
 }
 
 /// Sums of what is counted, the worst figure of what is measured.

@@ -13,6 +13,7 @@ use nalgebra::{Point2, Point3, Vector2, Vector3};
 use super::lattice::Node;
 use super::legality::{Illegal, cell_edges, determinant, legality};
 use super::model::{PerSurface, ring};
+use super::observer::{Cancelled, Observer};
 use super::params::LatticeSize;
 use super::spokes::Nodes;
 
@@ -54,6 +55,8 @@ pub struct Spread<'a> {
     pub hand: f64,
     /// Nodes with a spoke that was turned, or a place that was moved.
     pub touched: BTreeSet<usize>,
+    /// Who may ask to stop.
+    pub observer: &'a dyn Observer,
 }
 
 impl Spread<'_> {
@@ -82,12 +85,13 @@ impl Spread<'_> {
 
     /// All illegal corners, and for each node whether it is part of an illegal cell: on the upper,
     /// the lower side, in the sheet.
-    fn look(&self) -> (usize, Vec<[bool; 3]>) {
+    fn look(&self) -> Result<(usize, Vec<[bool; 3]>), Cancelled> {
         let cols = self.size.cols;
         let mut marked = vec![[false; 3]; self.medial.len()];
         let mut count = 0;
         for side in 0..2 {
             for i in 0..self.size.rows - 1 {
+                self.observer.check()?;
                 for j in 0..cols - 1 {
                     let [inner, outer] = self.illegal(side, i, j);
                     count += inner + outer;
@@ -98,7 +102,7 @@ impl Spread<'_> {
                 }
             }
         }
-        (count, marked)
+        Ok((count, marked))
     }
 
     /// The mean direction of a side's spokes at a node and around it.
@@ -110,11 +114,14 @@ impl Spread<'_> {
 
     /// Turns, moves and shortens until nothing is illegal, or the rounds are over. Returns how many
     /// places were illegal, or nearly so, before.
-    pub fn repair(&mut self) -> usize {
+    ///
+    /// # Errors
+    /// When the observer asks to stop.
+    pub fn repair(&mut self) -> Result<usize, Cancelled> {
         let mut before = 0;
         let mut cut = vec![false; self.medial.len()];
         for round in 0..CUTS_FROM + CUTS {
-            let (count, marked) = self.look();
+            let (count, marked) = self.look()?;
             if round == 0 {
                 before = count;
             }
@@ -122,12 +129,13 @@ impl Spread<'_> {
                 break;
             }
             if (TURNS..CUTS_FROM).contains(&round) {
-                self.move_nodes(&marked, round < TURNS + SLIDES);
+                self.move_nodes(&marked, round < TURNS + SLIDES)?;
             }
             for side in 0..2 {
                 let bad: Vec<usize> = (0..marked.len()).filter(|&n| marked[n][side]).collect();
                 let calmed: Vec<Vector3<f64>> = bad.iter().map(|&n| self.calmed(side, n)).collect();
                 for (n, direction) in bad.into_iter().zip(calmed) {
+                    self.observer.check()?;
                     self.directions[side][n] = direction;
                     self.touched.insert(n);
                     if round < CUTS_FROM {
@@ -139,8 +147,8 @@ impl Spread<'_> {
                 }
             }
         }
-        self.lengthen(&cut);
-        before
+        self.lengthen(&cut)?;
+        Ok(before)
     }
 
     /// Draws the spokes of some edge nodes towards those of the nodes around them; with `spread`, the
@@ -185,10 +193,11 @@ impl Spread<'_> {
     }
 
     /// Gives shortened vectors back what they can have.
-    fn lengthen(&mut self, cut: &[bool]) {
+    fn lengthen(&mut self, cut: &[bool]) -> Result<(), Cancelled> {
         /// Halvings of what was cut.
         const HALVINGS: usize = 6;
         for n in (0..cut.len()).filter(|&n| cut[n]) {
+            self.observer.check()?;
             for side in 0..2 {
                 let whole = (self.length)(&self.medial[n], self.directions[side][n]);
                 let (mut low, mut high) = (self.lengths[side][n], whole);
@@ -207,6 +216,7 @@ impl Spread<'_> {
                 self.lengths[side][n] = low;
             }
         }
+        Ok(())
     }
 
     /// Whether the cells around a node are legal on a side.
@@ -220,9 +230,10 @@ impl Spread<'_> {
 
     /// Moves the nodes of folded quads between their neighbours: in the plane and back onto the
     /// sheet, or in space.
-    fn move_nodes(&mut self, marked: &[[bool; 3]], on_sheet: bool) {
+    fn move_nodes(&mut self, marked: &[[bool; 3]], on_sheet: bool) -> Result<(), Cancelled> {
         let old = (self.flat.clone(), self.medial.clone());
         for n in (0..marked.len()).filter(|&n| marked[n][2]) {
+            self.observer.check()?;
             let (mut flat, mut place, mut count) = (old.0[n].coords, old.1[n].position.coords, 1.0);
             for m in around(self.size, n, false) {
                 flat += old.0[m].coords;
@@ -240,6 +251,7 @@ impl Spread<'_> {
                 self.lengths[side][n] = (self.length)(&self.medial[n], self.directions[side][n]);
             }
         }
+        Ok(())
     }
 }
 
@@ -270,11 +282,19 @@ pub struct Mended {
 /// over; what is left after that is shortened.
 ///
 /// `reach_of` is the distance to the boundary from a place along a direction, if within a reach.
-pub fn mend_crest(nodes: &mut Nodes, reach_of: impl Fn(Point3<f64>, Vector3<f64>, f64) -> Option<f64>) -> Mended {
+///
+/// # Errors
+/// When the observer asks to stop.
+pub fn mend_crest(
+    nodes: &mut Nodes,
+    reach_of: impl Fn(Point3<f64>, Vector3<f64>, f64) -> Option<f64>,
+    observer: &dyn Observer,
+) -> Result<Mended, Cancelled> {
     let edge = ring(nodes.size);
     let count = edge.len();
     let mut mended = Mended { touched: BTreeSet::new(), cut: BTreeSet::new(), left: Vec::new() };
     for round in 0..=TURNS + CUTS {
+        observer.check()?;
         let bad: Vec<Illegal> = legality((&*nodes).into()).parts.into_iter().filter(|p| p.part.is_wedge()).collect();
         mended.left.clear();
         if bad.is_empty() {
@@ -325,11 +345,12 @@ pub fn mend_crest(nodes: &mut Nodes, reach_of: impl Fn(Point3<f64>, Vector3<f64>
             }
         }
     }
-    mended
+    Ok(mended)
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::observer::Silent;
     use super::*;
 
     const SIZE: LatticeSize = LatticeSize { rows: 5, cols: 6 };
@@ -358,13 +379,14 @@ mod tests {
             // (i, j) = (v, u), upward: left-handed.
             hand: -1.0,
             touched: BTreeSet::new(),
+            observer: &Silent,
         }
     }
 
     #[test]
     fn a_legal_lattice_is_left_alone() {
         let mut spread = flat_spread();
-        assert_eq!((spread.repair(), spread.touched.len()), (0, 0));
+        assert_eq!((spread.repair(), spread.touched.len()), (Ok(0), 0));
         assert_eq!(spread.ends(0)[7], Point3::new(1.0, 1.0, 2.0));
     }
 
@@ -373,8 +395,8 @@ mod tests {
         let mut spread = flat_spread();
         spread.directions[0][8] = Vector3::new(-1.0, 0.0, 0.6).normalize();
         spread.lengths[0][8] = length(&node_at(Point2::origin()), spread.directions[0][8]);
-        assert!(spread.repair() > 0 && spread.touched.contains(&8));
-        assert_eq!(spread.look().0, 0);
+        assert!(spread.repair().is_ok_and(|folds| folds > 0) && spread.touched.contains(&8));
+        assert!(spread.look().is_ok_and(|(folds, _)| folds == 0));
         assert!(spread.ends(0).iter().all(|p| (p.z - 2.0).abs() < 1e-9));
         assert_eq!(spread.ends(1)[8], Point3::new(2.0, 1.0, -2.0), "the other side is not touched");
     }
@@ -384,8 +406,8 @@ mod tests {
         let mut spread = flat_spread();
         spread.flat[8].x = 4.5;
         spread.medial[8] = node_at(spread.flat[8]);
-        assert!(spread.repair() > 0);
-        assert_eq!(spread.look().0, 0);
+        assert!(spread.repair().is_ok_and(|folds| folds > 0));
+        assert!(spread.look().is_ok_and(|(folds, _)| folds == 0));
         assert!(spread.medial[8].position.x < 3.0);
     }
 }

@@ -12,6 +12,7 @@ use crate::numerics::field::floor_index;
 use super::depth::Depth;
 use super::lattice::{Node, SpaceFromPlane};
 use super::mask::Solid;
+use super::observer::{Cancelled, Observer};
 use super::outline::Region;
 use super::strip::SheetPoints;
 
@@ -37,18 +38,21 @@ pub struct WholeSheet {
 }
 
 /// Carries a sheet on to its rim: moves the outline there and adds points up to it.
-#[must_use]
+///
+/// # Errors
+/// When the observer asks to stop.
 pub fn to_rim(
     points: &SheetPoints,
     region: &Region,
     hinge: &[Point3<f64>],
     solid: &Solid,
     depth: &Depth,
-) -> WholeSheet {
+    observer: &dyn Observer,
+) -> Result<WholeSheet, Cancelled> {
     let mut whole = WholeSheet { region: region.clone(), points: points.clone() };
     let outline = evenly(&region.outline());
     if outline.len() < 8 {
-        return whole;
+        return Ok(whole);
     }
     let [x, y] = [0, 1].map(|axis| smoothed(&outline.iter().map(|p| p[axis]).collect::<Vec<f64>>()));
     let outline: Vec<Point2<f64>> = x.into_iter().zip(y).map(|(x, y)| Point2::new(x, y)).collect();
@@ -58,10 +62,12 @@ pub fn to_rim(
         .iter()
         .zip(&outward)
         .map(|(q, o)| {
+            observer.check()?;
             let start = map.node(q - o * START);
-            Walk::to_hinge(&start, *o, hinge, depth).unwrap_or_else(|| Walk::to_rim(&start, *o, solid, depth))
+            let met = Walk::to_hinge(&start, *o, hinge, depth);
+            Ok(met.unwrap_or_else(|| Walk::to_rim(&start, *o, solid, depth)))
         })
-        .collect();
+        .collect::<Result<_, _>>()?;
     let shifts = smoothed(&walks.iter().map(|w| w.length - START).collect::<Vec<f64>>());
     let moved: Vec<Point2<f64>> =
         outline.iter().zip(outward.iter().zip(&shifts)).map(|(q, (o, s))| q + o * *s).collect();
@@ -76,7 +82,7 @@ pub fn to_rim(
             walked += PITCH;
         }
     }
-    whole
+    Ok(whole)
 }
 
 /// Points at equal distances along a closed curve, [`PITCH`] apart.

@@ -19,8 +19,9 @@ use rayon::prelude::*;
 use crate::numerics::balls::Balls;
 use crate::numerics::field::id;
 
-use super::depth::Depth;
+use super::depth::{Depth, SkinPoint};
 use super::medial::{MedialPoint, MedialSurface};
+use super::observer::{Cancelled, Observer};
 use super::params::Prune;
 
 /// How far a foot may move between adjacent points of one sheet, as a share of the radius. Where
@@ -71,20 +72,37 @@ pub struct Hinge {
 }
 
 /// Splits a medial surface into single sheets and prunes those without evidence.
-#[must_use]
-pub fn sheets(surface: &MedialSurface, depth: &Depth, prune: Prune, max_figures: Option<usize>) -> Sheets {
-    let threshold = loss_needed(prune);
-    let mut label = linked_components(surface);
-    hand_over_rest(surface, &mut label);
-    join_across_pairs(surface, &mut label);
+///
+/// # Errors
+/// When the observer asks to stop.
+pub fn sheets(
+    surface: &MedialSurface,
+    depth: &Depth,
+    prune: Prune,
+    max_figures: Option<usize>,
+    observer: &dyn Observer,
+) -> Result<Sheets, Cancelled> {
+    let needed = Needed { loss: loss_needed(prune), most: max_figures };
+    let mut label = linked_components(surface, observer)?;
+    hand_over_rest(surface, &mut label, observer)?;
+    join_across_pairs(surface, &mut label, observer)?;
     let mut pruned = 0;
-    while let Some(weak) = weakest(surface, depth, &label, threshold, max_figures) {
+    while let Some(weak) = weakest(surface, depth, &label, needed, observer)? {
         label.iter_mut().filter(|l| **l == weak).for_each(|l| *l = NO_SHEET);
         pruned += 1;
-        join_across_pairs(surface, &mut label);
+        join_across_pairs(surface, &mut label, observer)?;
     }
-    trim_edges(surface, &mut label);
-    in_order_of_size(surface, &label, pruned)
+    trim_edges(surface, &mut label, observer)?;
+    in_order_of_size(surface, &label, pruned, observer)
+}
+
+/// What a sheet needs to be kept.
+#[derive(Clone, Copy)]
+struct Needed {
+    /// Share of the volume that would be lost without it.
+    loss: f64,
+    /// To be one of so many.
+    most: Option<usize>,
 }
 
 /// Share of the object's volume that would be lost without a sheet, for it to be kept.
@@ -109,8 +127,8 @@ pub fn strength(prune: Prune) -> f64 {
 /// Sheets of linked sure points. Where a branch starts, the foot jumps by next to nothing, and two
 /// sheets hang together by a bridge there: sheets are told apart a few steps away from all jumps,
 /// and get back what lies between.
-fn linked_components(surface: &MedialSurface) -> Vec<u32> {
-    let from_jump = steps_from_jumps(surface);
+fn linked_components(surface: &MedialSurface, observer: &dyn Observer) -> Result<Vec<u32>, Cancelled> {
+    let from_jump = steps_from_jumps(surface, observer)?;
     let mut label = vec![NO_SHEET; surface.points.len()];
     let mut count = 0;
     for bridge in [BRIDGE_STEPS, 0] {
@@ -122,6 +140,7 @@ fn linked_components(surface: &MedialSurface) -> Vec<u32> {
             label[start] = count;
             let (mut piece, mut next) = (vec![id(start)], 0);
             while next < piece.len() {
+                observer.check()?;
                 let a = piece[next] as usize;
                 for &b in &surface.adjacency[a] {
                     if label[b as usize] == NO_SHEET && is_core(b as usize) && is_linked(surface, a, b as usize) {
@@ -137,15 +156,16 @@ fn linked_components(surface: &MedialSurface) -> Vec<u32> {
                 count += 1;
             }
         }
-        grow_back(surface, &mut label);
+        grow_back(surface, &mut label, observer)?;
     }
-    label
+    Ok(label)
 }
 
 /// Hands linked sure points to the sheet that reaches them in the fewest steps.
-fn grow_back(surface: &MedialSurface, label: &mut [u32]) {
+fn grow_back(surface: &MedialSurface, label: &mut [u32], observer: &dyn Observer) -> Result<(), Cancelled> {
     let mut queue: VecDeque<u32> = (0..id(label.len())).filter(|&p| label[p as usize] != NO_SHEET).collect();
     while let Some(a) = queue.pop_front() {
+        observer.check()?;
         for &b in &surface.adjacency[a as usize] {
             let (to, from) = (b as usize, a as usize);
             if label[to] == NO_SHEET && is_sure(&surface.points[to]) && is_linked(surface, from, to) {
@@ -154,24 +174,32 @@ fn grow_back(surface: &MedialSurface, label: &mut [u32]) {
             }
         }
     }
+    Ok(())
 }
 
 /// Steps along the surface to the nearest sure point whose foot jumps towards a sure neighbour;
 /// counted up to [`BRIDGE_STEPS`].
-fn steps_from_jumps(surface: &MedialSurface) -> Vec<usize> {
+fn steps_from_jumps(surface: &MedialSurface, observer: &dyn Observer) -> Result<Vec<usize>, Cancelled> {
     let is_sure = |p: usize| is_sure(&surface.points[p]);
     let jumps =
         |p: usize| surface.adjacency[p].iter().any(|&b| is_sure(b as usize) && !is_linked(surface, p, b as usize));
     let mut steps = vec![BRIDGE_STEPS; surface.points.len()];
-    let mut front: Vec<usize> = (0..steps.len()).filter(|&p| is_sure(p) && jumps(p)).collect();
+    let mut front = Vec::new();
+    for p in 0..steps.len() {
+        observer.check()?;
+        if is_sure(p) && jumps(p) {
+            front.push(p);
+        }
+    }
     for step in 0..BRIDGE_STEPS {
+        observer.check()?;
         front.iter().for_each(|&p| steps[p] = step);
         let around = front.iter().flat_map(|&p| &surface.adjacency[p]).map(|&b| b as usize);
         front = around.filter(|&b| steps[b] > step + 1 || (step + 1 == BRIDGE_STEPS)).collect();
         front.sort_unstable();
         front.dedup();
     }
-    steps
+    Ok(steps)
 }
 
 fn is_linked(surface: &MedialSurface, a: usize, b: usize) -> bool {
@@ -192,12 +220,13 @@ fn are_linked(a: &MedialPoint, b: &MedialPoint) -> bool {
 
 /// Points without a sheet of their own go to the nearest sheet along the surface, if they lie
 /// between sheets or belong to one beyond doubt. The rest are edges and bumps of the boundary.
-fn hand_over_rest(surface: &MedialSurface, label: &mut [u32]) {
+fn hand_over_rest(surface: &MedialSurface, label: &mut [u32], observer: &dyn Observer) -> Result<(), Cancelled> {
     let sizes = sizes(label);
     label.iter_mut().filter(|l| sizes.get(l).is_some_and(|s| *s < MIN_POINTS)).for_each(|l| *l = NO_SHEET);
-    let is_between = between_sheets(surface, label);
+    let is_between = between_sheets(surface, label, observer)?;
     let mut queue: VecDeque<u32> = (0..id(label.len())).filter(|&p| label[p as usize] != NO_SHEET).collect();
     while let Some(a) = queue.pop_front() {
+        observer.check()?;
         for &b in &surface.adjacency[a as usize] {
             let stays = is_between[b as usize] || is_sure(&surface.points[b as usize]);
             if label[b as usize] == NO_SHEET && stays {
@@ -206,10 +235,11 @@ fn hand_over_rest(surface: &MedialSurface, label: &mut [u32]) {
             }
         }
     }
+    Ok(())
 }
 
 /// Points in a piece without a label that touches two labels or more.
-fn between_sheets(surface: &MedialSurface, label: &[u32]) -> Vec<bool> {
+fn between_sheets(surface: &MedialSurface, label: &[u32], observer: &dyn Observer) -> Result<Vec<bool>, Cancelled> {
     let mut is_between = vec![false; label.len()];
     let mut seen = vec![false; label.len()];
     for start in 0..label.len() {
@@ -219,6 +249,7 @@ fn between_sheets(surface: &MedialSurface, label: &[u32]) -> Vec<bool> {
         seen[start] = true;
         let (mut piece, mut touched, mut next) = (vec![id(start)], BTreeSet::new(), 0);
         while next < piece.len() {
+            observer.check()?;
             for &n in &surface.adjacency[piece[next] as usize] {
                 if label[n as usize] != NO_SHEET {
                     touched.insert(label[n as usize]);
@@ -230,7 +261,7 @@ fn between_sheets(surface: &MedialSurface, label: &[u32]) -> Vec<bool> {
         }
         piece.iter().for_each(|&p| is_between[p as usize] = touched.len() > 1);
     }
-    is_between
+    Ok(is_between)
 }
 
 fn sizes(label: &[u32]) -> BTreeMap<u32, usize> {
@@ -242,32 +273,37 @@ fn sizes(label: &[u32]) -> BTreeMap<u32, usize> {
     sizes
 }
 
-/// The sheet to prune next: the one whose loss is the smallest, if that is below `threshold` of
-/// the volume or there are more than `max_figures`. `None` when all have evidence, or one is left.
+/// The sheet to prune next: the one whose loss is the smallest, if that is less than is needed or
+/// there are too many. `None` when all have evidence, or one is left.
 fn weakest(
     surface: &MedialSurface,
     depth: &Depth,
     label: &[u32],
-    threshold: f64,
-    max_figures: Option<usize>,
-) -> Option<u32> {
+    needed: Needed,
+    observer: &dyn Observer,
+) -> Result<Option<u32>, Cancelled> {
     let sizes = sizes(label);
     if sizes.len() < 2 {
-        return None;
+        return Ok(None);
     }
-    let losses = losses(surface, depth, label);
-    let too_many = max_figures.is_some_and(|most| sizes.len() > most);
-    let (&weak, &loss) = losses.iter().min_by(|a, b| a.1.total_cmp(b.1).then(b.0.cmp(a.0)))?;
-    (too_many || loss < threshold).then_some(weak)
+    let losses = losses(surface, depth, label, observer)?;
+    let too_many = needed.most.is_some_and(|most| sizes.len() > most);
+    let least = losses.iter().min_by(|a, b| a.1.total_cmp(b.1).then(b.0.cmp(a.0)));
+    Ok(least.filter(|(_, loss)| too_many || **loss < needed.loss).map(|(weak, _)| *weak))
 }
 
 /// For each sheet, the share of the object's volume that sticks out of the balls of all other
 /// sheets: the height of every skin point of the sheet above them, summed.
-fn losses(surface: &MedialSurface, depth: &Depth, label: &[u32]) -> BTreeMap<u32, f64> {
+fn losses(
+    surface: &MedialSurface,
+    depth: &Depth,
+    label: &[u32],
+    observer: &dyn Observer,
+) -> Result<BTreeMap<u32, f64>, Cancelled> {
     let numbers: Vec<u32> = sizes(label).into_keys().collect();
-    let owner = Inscribed::of(surface, |p| label[p] != NO_SHEET);
+    let owner = Inscribed::of(surface, |p| label[p] != NO_SHEET, observer)?;
     let mut skin_of: BTreeMap<u32, Vec<usize>> = numbers.iter().map(|&n| (n, Vec::new())).collect();
-    let owners: Vec<_> = depth.skin.par_iter().map(|point| owner.nearest(point.position)).collect();
+    let owners = owner.of_skin(depth, observer)?;
     for (s, owner) in owners.into_iter().enumerate() {
         if let Some((p, _)) = owner {
             skin_of.entry(label[p]).or_default().push(s);
@@ -276,12 +312,15 @@ fn losses(surface: &MedialSurface, depth: &Depth, label: &[u32]) -> BTreeMap<u32
     let volume = depth.depth.as_slice().iter().filter(|d| **d > 0.0).count() as f64;
     let mut losses = BTreeMap::new();
     for &number in &numbers {
-        let others = Inscribed::of(surface, |p| label[p] != NO_SHEET && label[p] != number);
-        let height = |&s: &usize| others.nearest(depth.skin[s].position).map_or(0.0, |f| f.1.max(0.0));
-        let heights: Vec<f64> = skin_of[&number].par_iter().map(height).collect();
+        let others = Inscribed::of(surface, |p| label[p] != NO_SHEET && label[p] != number, observer)?;
+        let height = |&s: &usize| {
+            observer.check()?;
+            Ok(others.nearest(depth.skin[s].position).map_or(0.0, |f| f.1.max(0.0)))
+        };
+        let heights: Vec<f64> = skin_of[&number].par_iter().map(height).collect::<Result<_, _>>()?;
         losses.insert(number, heights.into_iter().sum::<f64>() / volume.max(1.0));
     }
-    losses
+    Ok(losses)
 }
 
 /// The inscribed balls of medial points, to be found by power distance.
@@ -293,12 +332,27 @@ pub struct Inscribed {
 
 impl Inscribed {
     /// The balls of the medial points (by index) that `take` accepts.
-    #[must_use]
-    pub fn of(surface: &MedialSurface, take: impl Fn(usize) -> bool) -> Self {
+    ///
+    /// # Errors
+    /// When the observer asks to stop.
+    pub fn of(
+        surface: &MedialSurface,
+        take: impl Fn(usize) -> bool,
+        observer: &dyn Observer,
+    ) -> Result<Self, Cancelled> {
         let points: Vec<u32> = (0..surface.points.len()).filter(|&p| take(p)).map(id).collect();
         let centres: Vec<_> =
             points.iter().map(|&p| &surface.points[p as usize]).map(|m| (m.position, m.radius)).collect();
-        Self { balls: Balls::new(&centres), points, centres }
+        Ok(Self { balls: Balls::new(&centres, &|| observer.check())?, points, centres })
+    }
+
+    /// [`Self::nearest`] of every skin point.
+    ///
+    /// # Errors
+    /// When the observer asks to stop.
+    pub fn of_skin(&self, depth: &Depth, observer: &dyn Observer) -> Result<Vec<Option<(usize, f64)>>, Cancelled> {
+        let nearest = |point: &SkinPoint| observer.check().map(|()| self.nearest(point.position));
+        depth.skin.par_iter().map(nearest).collect()
     }
 
     /// The medial point whose ball comes nearest to `p`, and how far `p` is outside of it.
@@ -311,9 +365,14 @@ impl Inscribed {
 }
 
 /// Which sheets touch, with the points that touch.
-fn contacts(surface: &MedialSurface, label: &[u32]) -> BTreeMap<(u32, u32), BTreeSet<u32>> {
+fn contacts(
+    surface: &MedialSurface,
+    label: &[u32],
+    observer: &dyn Observer,
+) -> Result<BTreeMap<(u32, u32), BTreeSet<u32>>, Cancelled> {
     let mut contacts: BTreeMap<(u32, u32), BTreeSet<u32>> = BTreeMap::new();
     for (a, list) in surface.adjacency.iter().enumerate() {
+        observer.check()?;
         for &b in list {
             let (la, lb) = (label[a], label[b as usize]);
             if la < lb && lb != NO_SHEET {
@@ -321,21 +380,33 @@ fn contacts(surface: &MedialSurface, label: &[u32]) -> BTreeMap<(u32, u32), BTre
             }
         }
     }
-    contacts
+    Ok(contacts)
 }
 
 /// Two sheets that touch mostly where no third one is near are one sheet with a step in it.
-fn join_across_pairs(surface: &MedialSurface, label: &mut [u32]) {
-    while let Some((a, b)) = stepped_pair(surface, label) {
+fn join_across_pairs(surface: &MedialSurface, label: &mut [u32], observer: &dyn Observer) -> Result<(), Cancelled> {
+    while let Some((a, b)) = stepped_pair(surface, label, observer)? {
         label.iter_mut().filter(|l| **l == b).for_each(|l| *l = a);
     }
+    Ok(())
 }
 
-fn stepped_pair(surface: &MedialSurface, label: &[u32]) -> Option<(u32, u32)> {
-    contacts(surface, label).into_iter().find_map(|(pair, points)| {
-        let lone = points.iter().filter(|&&p| !has_third_near(surface, label, pair, p)).count();
-        (2 * lone > points.len() && is_smooth(surface, label, &points)).then_some(pair)
-    })
+fn stepped_pair(
+    surface: &MedialSurface,
+    label: &[u32],
+    observer: &dyn Observer,
+) -> Result<Option<(u32, u32)>, Cancelled> {
+    for (pair, points) in contacts(surface, label, observer)? {
+        let mut lone = 0;
+        for &p in &points {
+            observer.check()?;
+            lone += usize::from(!has_third_near(surface, label, pair, p));
+        }
+        if 2 * lone > points.len() && is_smooth(surface, label, &points) {
+            return Ok(Some(pair));
+        }
+    }
+    Ok(None)
 }
 
 /// Whether two sheets go on into one another where they touch: on average their normals agree. A
@@ -385,27 +456,36 @@ fn has_third_near(surface: &MedialSurface, label: &[u32], (a, b): (u32, u32), st
 /// Points that are not sure stay only near another sheet, where they make the junction, or where
 /// they hold a sheet together. Elsewhere they are the start of a sheet that runs into an edge of
 /// the boundary.
-fn trim_edges(surface: &MedialSurface, label: &mut [u32]) {
+fn trim_edges(surface: &MedialSurface, label: &mut [u32], observer: &dyn Observer) -> Result<(), Cancelled> {
     let before = label.to_vec();
     for (p, l) in label.iter_mut().enumerate() {
+        observer.check()?;
         if *l != NO_SHEET && !is_sure(&surface.points[p]) && !has_third_near(surface, &before, (*l, *l), id(p)) {
             *l = NO_SHEET;
         }
     }
     for sheet in sizes(label).into_keys() {
-        hold_together(surface, &before, label, sheet);
+        hold_together(surface, &before, label, sheet, observer)?;
     }
+    Ok(())
 }
 
 /// Joins the pieces of a trimmed sheet to its largest one by the shortest paths over points that
 /// were trimmed.
-fn hold_together(surface: &MedialSurface, before: &[u32], label: &mut [u32], sheet: u32) {
+fn hold_together(
+    surface: &MedialSurface,
+    before: &[u32],
+    label: &mut [u32],
+    sheet: u32,
+    observer: &dyn Observer,
+) -> Result<(), Cancelled> {
     let mut from = vec![u32::MAX; label.len()];
     let members: Vec<u32> = (0..id(label.len())).filter(|&p| label[p as usize] == sheet).collect();
-    let largest = surface.part(&members).largest_piece();
+    let largest = surface.part(&members, observer)?.largest_piece(observer)?;
     let mut queue: VecDeque<u32> = largest.into_iter().map(|k| members[k as usize]).collect();
     queue.iter().for_each(|&p| from[p as usize] = p);
     while let Some(a) = queue.pop_front() {
+        observer.check()?;
         for &b in &surface.adjacency[a as usize] {
             if from[b as usize] != u32::MAX || before[b as usize] != sheet {
                 continue;
@@ -419,11 +499,12 @@ fn hold_together(surface: &MedialSurface, before: &[u32], label: &mut [u32], she
             }
         }
     }
+    Ok(())
 }
 
 /// Connected sets of touching points with the sheets that touch there.
-fn hinges(surface: &MedialSurface, label: &[u32]) -> Vec<Hinge> {
-    let touching: BTreeSet<u32> = contacts(surface, label).into_values().flatten().collect();
+fn hinges(surface: &MedialSurface, label: &[u32], observer: &dyn Observer) -> Result<Vec<Hinge>, Cancelled> {
+    let touching: BTreeSet<u32> = contacts(surface, label, observer)?.into_values().flatten().collect();
     let mut seen = BTreeSet::new();
     let mut hinges = Vec::new();
     for &start in &touching {
@@ -439,11 +520,16 @@ fn hinges(surface: &MedialSurface, label: &[u32]) -> Vec<Hinge> {
         let sheets: BTreeSet<u32> = points.iter().map(|&p| label[p as usize]).collect();
         hinges.push(Hinge { sheets: sheets.into_iter().collect(), points });
     }
-    hinges
+    Ok(hinges)
 }
 
 /// Renumbers the sheets, the largest first.
-pub(super) fn in_order_of_size(surface: &MedialSurface, label: &[u32], pruned: usize) -> Sheets {
+pub(super) fn in_order_of_size(
+    surface: &MedialSurface,
+    label: &[u32],
+    pruned: usize,
+    observer: &dyn Observer,
+) -> Result<Sheets, Cancelled> {
     let mut order: Vec<(u32, usize)> = sizes(label).into_iter().collect();
     order.sort_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(&b.0)));
     let new: BTreeMap<u32, u32> = order.iter().enumerate().map(|(k, (old, _))| (*old, id(k))).collect();
@@ -454,6 +540,6 @@ pub(super) fn in_order_of_size(surface: &MedialSurface, label: &[u32], pruned: u
             members[sheet as usize].push(id(p));
         }
     }
-    let hinges = hinges(surface, &sheet_of);
-    Sheets { sheet_of, members, hinges, pruned }
+    let hinges = hinges(surface, &sheet_of, observer)?;
+    Ok(Sheets { sheet_of, members, hinges, pruned })
 }

@@ -10,15 +10,16 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use nalgebra::{Point3, Vector3};
-use rayon::prelude::*;
 
 use crate::numerics::components::{Connectivity, neighbors};
 use crate::numerics::field::id;
 use crate::space::WorldFromVoxel;
 
+use super::PipelineError;
 use super::depth::Depth;
 use super::frame::Senses;
 use super::medial::MedialSurface;
+use super::observer::{Cancelled, Observer};
 use super::refusal::Refusal;
 use super::sheets::{Inscribed, Sheets};
 use super::surface::Surface;
@@ -69,23 +70,24 @@ pub struct SheetSides {
 /// Splits the skin into the sides of the sheets.
 ///
 /// # Errors
-/// [`Refusal::NotOrientable`] when a sheet has one side only.
+/// [`Refusal::NotOrientable`] when a sheet has one side only; when the observer asks to stop.
 pub fn sides(
     depth: &Depth,
     world_from_work: &WorldFromVoxel,
     surface: &MedialSurface,
     sheets: &Sheets,
     senses: &Senses,
-) -> Result<Vec<SheetSides>, Refusal> {
+    observer: &dyn Observer,
+) -> Result<Vec<SheetSides>, PipelineError> {
     let mut all = Vec::new();
     let mut normal_of = vec![Vector3::zeros(); surface.points.len()];
     let mut local_of = vec![u32::MAX; surface.points.len()];
     for (number, members) in sheets.members.iter().enumerate() {
-        let whole = surface.part(members);
-        let kept = whole.largest_piece();
-        let medial = if kept.len() < members.len() { whole.part(&kept) } else { whole };
+        let whole = surface.part(members, observer)?;
+        let kept = whole.largest_piece(observer)?;
+        let medial = if kept.len() < members.len() { whole.part(&kept, observer)? } else { whole };
         let members: Vec<u32> = kept.into_iter().map(|k| members[k as usize]).collect();
-        let mut normals = oriented_normals(surface, &members, &medial)?;
+        let mut normals = oriented_normals(surface, &members, &medial, observer)?;
         let mean = normals.iter().map(|n| world_from_work.vector(*n)).sum();
         if senses.of_direction(mean).sign < 0.0 {
             normals.iter_mut().for_each(|n| *n = -*n);
@@ -100,9 +102,9 @@ pub fn sides(
         all.push(SheetSides { medial, normals, radii, hinge, ..SheetSides::default() });
     }
     let mut classes: Vec<[Vec<(u32, u32)>; 2]> = vec![[Vec::new(), Vec::new()]; all.len()];
-    let balls = Inscribed::of(surface, |p| local_of[p] != u32::MAX);
-    let owners: Vec<_> = depth.skin.par_iter().map(|point| balls.nearest(point.position)).collect();
+    let owners = Inscribed::of(surface, |p| local_of[p] != u32::MAX, observer)?.of_skin(depth, observer)?;
     for ((s, point), owner) in depth.skin.iter().enumerate().zip(owners) {
+        observer.check()?;
         let Some((p, gap)) = owner else { continue };
         let sheet = sheets.sheet_of[p] as usize;
         let spoke = (point.position - surface.points[p].position).try_normalize(1e-9).unwrap_or_else(Vector3::zeros);
@@ -114,39 +116,54 @@ pub fn sides(
         }
     }
     for (sheet, [upper, lower]) in all.iter_mut().zip(classes) {
-        (sheet.upper, sheet.lower) = rayon::join(|| one_piece(depth, &upper), || one_piece(depth, &lower));
+        let piece = |class| move || one_piece(depth, class, observer);
+        let (above, below) = rayon::join(piece(&upper), piece(&lower));
+        (sheet.upper, sheet.lower) = (above?, below?);
         sheet.crest += upper.len() + lower.len() - sheet.upper.partners.len() - sheet.lower.partners.len();
     }
     Ok(all)
 }
 
 /// The largest connected piece of a side; what is cut off from it counts as crest.
-fn one_piece(depth: &Depth, class: &[(u32, u32)]) -> Side {
+fn one_piece(depth: &Depth, class: &[(u32, u32)], observer: &dyn Observer) -> Result<Side, Cancelled> {
     let touching = |s: u32, list: &mut Vec<u32>| {
         neighbors(depth.depth.dims(), depth.skin_voxels[s as usize], Connectivity::Corners26, |n| {
             list.extend(depth.skin_at(n));
         });
     };
     let members: Vec<u32> = class.iter().map(|c| c.0).collect();
-    let whole = Surface::made_of(&members, depth.skin.len(), |s| depth.skin[s as usize].position, touching);
-    let kept = whole.largest_piece();
-    let surface = if kept.len() < members.len() { whole.part(&kept) } else { whole };
-    Side { surface, partners: kept.iter().map(|&k| class[k as usize].1).collect() }
+    let position = |s: u32| depth.skin[s as usize].position;
+    let whole = Surface::made_of(&members, depth.skin.len(), position, touching, observer)?;
+    let kept = whole.largest_piece(observer)?;
+    let surface = if kept.len() < members.len() { whole.part(&kept, observer)? } else { whole };
+    Ok(Side { surface, partners: kept.iter().map(|&k| class[k as usize].1).collect() })
 }
 
 /// Whether a sheet (ascending medial points) has two sides.
-#[must_use]
-pub fn is_orientable(surface: &MedialSurface, members: &[u32]) -> bool {
-    oriented_normals(surface, members, &surface.part(members)).is_ok()
+///
+/// # Errors
+/// When the observer asks to stop.
+pub fn is_orientable(surface: &MedialSurface, members: &[u32], observer: &dyn Observer) -> Result<bool, Cancelled> {
+    match oriented_normals(surface, members, &surface.part(members, observer)?, observer) {
+        Ok(_) => Ok(true),
+        Err(PipelineError::Refused(_)) => Ok(false),
+        Err(PipelineError::Cancelled(stop)) => Err(stop),
+    }
 }
 
 /// Normals of a sheet's points, consistent along the sheet and smoothed over touching points.
-fn oriented_normals(surface: &MedialSurface, members: &[u32], medial: &Surface) -> Result<Vec<Vector3<f64>>, Refusal> {
+fn oriented_normals(
+    surface: &MedialSurface,
+    members: &[u32],
+    medial: &Surface,
+    observer: &dyn Observer,
+) -> Result<Vec<Vector3<f64>>, PipelineError> {
     let mut normals: Vec<Vector3<f64>> = members.iter().map(|&p| surface.points[p as usize].normal).collect();
-    propagate(medial, &mut normals);
+    propagate(medial, &mut normals, observer)?;
     let is_sure = |k: usize| surface.points[members[k] as usize].feet_cosine < SURE_FEET_COSINE;
     check_orientable(medial, &normals, is_sure)?;
     for _ in 0..2 {
+        observer.check()?;
         normals = smoothed(medial, &normals);
     }
     Ok(normals)
@@ -154,12 +171,13 @@ fn oriented_normals(surface: &MedialSurface, members: &[u32], medial: &Surface) 
 
 /// Turns normals to agree with their neighbours, along the links where they are most parallel
 /// first (a maximum spanning tree; Hoppe et al., SIGGRAPH 1992).
-fn propagate(medial: &Surface, normals: &mut [Vector3<f64>]) {
+fn propagate(medial: &Surface, normals: &mut [Vector3<f64>], observer: &dyn Observer) -> Result<(), Cancelled> {
     let mut is_done = vec![false; normals.len()];
     for start in 0..normals.len() {
         let mut heap = BinaryHeap::new();
         heap.push((0u64, Reverse(id(start)), id(start)));
         while let Some((_, Reverse(to), from)) = heap.pop() {
+            observer.check()?;
             let (to, from) = (to as usize, from as usize);
             if std::mem::replace(&mut is_done[to], true) {
                 continue;
@@ -175,6 +193,7 @@ fn propagate(medial: &Surface, normals: &mut [Vector3<f64>]) {
             }
         }
     }
+    Ok(())
 }
 
 fn check_orientable(

@@ -14,6 +14,7 @@ use super::isomap::Flat;
 use super::lattice::{Lattice, Node, SpaceFromPlane, lattice};
 use super::mask::Solid;
 use super::model::{PerSurface, ring};
+use super::observer::{Cancelled, Observer};
 use super::outline::Region;
 use super::params::{CheckedParams, LatticeSize};
 use super::sides::{SheetSides, Side};
@@ -55,30 +56,49 @@ pub fn align_sides(sheet: &SheetSides, flat: &mut PerSurface<Flat>) {
 }
 
 /// Lattices on the three aligned embeddings. `None` when a region is empty.
-#[must_use]
-pub fn lattices(flat: &PerSurface<Flat>, params: &CheckedParams, size: LatticeSize) -> Option<PerSurface<Lattice>> {
+///
+/// # Errors
+/// When the observer asks to stop.
+pub fn lattices(
+    flat: &PerSurface<Flat>,
+    params: &CheckedParams,
+    size: LatticeSize,
+    observer: &dyn Observer,
+) -> Result<Option<PerSurface<Lattice>>, Cancelled> {
     let on = |flat: &Flat| {
-        lattice(&Region::of(&flat.points), params.lattice, size, params.margin, super::lattice::RIM_INSET)
+        let region = Region::of(&flat.points, observer)?;
+        lattice(&region, params.lattice, size, params.margin, super::lattice::RIM_INSET, observer)
     };
-    Some(PerSurface { medial: on(&flat.medial)?, upper: on(&flat.upper)?, lower: on(&flat.lower)? })
+    let all = (on(&flat.medial)?, on(&flat.upper)?, on(&flat.lower)?);
+    let (Some(medial), Some(upper), Some(lower)) = all else { return Ok(None) };
+    Ok(Some(PerSurface { medial, upper, lower }))
 }
 
 /// Nodes of equal (i, j) on the three lattices.
-#[must_use]
-pub fn paper(solid: &Solid, sheet: &SheetSides, flat: &PerSurface<Flat>, lattices: PerSurface<Lattice>) -> Nodes {
+///
+/// # Errors
+/// When the observer asks to stop.
+pub fn paper(
+    solid: &Solid,
+    sheet: &SheetSides,
+    flat: &PerSurface<Flat>,
+    lattices: PerSurface<Lattice>,
+    observer: &dyn Observer,
+) -> Result<Nodes, Cancelled> {
     let size = lattices.medial.size;
     let medial_map = SpaceFromPlane::new(&flat.medial.points, &sheet.medial.positions, &sheet.radii);
-    let medial: Vec<Node> = lattices.medial.nodes.iter().map(|p| medial_map.node(*p)).collect();
+    let medial = medial_map.nodes(&lattices.medial.nodes, observer)?;
     let side = |side: &Side, flat: &Flat, lattice: &Lattice| {
         let map = SpaceFromPlane::new(&flat.points, &side.surface.positions, &[]);
-        lattice.nodes.iter().map(|p| onto_boundary(&solid.level, map.node(*p).position)).collect::<Vec<_>>()
+        let nodes = map.nodes(&lattice.nodes, observer)?;
+        Ok(nodes.iter().map(|node| onto_boundary(&solid.level, node.position)).collect::<Vec<_>>())
     };
     let (upper, lower) =
-        (side(&sheet.upper, &flat.upper, &lattices.upper), side(&sheet.lower, &flat.lower, &lattices.lower));
+        (side(&sheet.upper, &flat.upper, &lattices.upper)?, side(&sheet.lower, &flat.lower, &lattices.lower)?);
     let valid = (0..size.rows * size.cols).map(|n| lattices.named().iter().all(|(_, l)| l.valid[n])).collect();
     let ahead = look_ahead(&lattices.medial, &medial_map, &[]);
     let crest = crest(&solid.level, size, &medial, &ahead);
-    Nodes {
+    Ok(Nodes {
         size,
         radii: medial.iter().map(|n| n.value).collect(),
         medial: medial.iter().map(|n| n.position).collect(),
@@ -91,7 +111,7 @@ pub fn paper(solid: &Solid, sheet: &SheetSides, flat: &PerSurface<Flat>, lattice
             upper: lattices.upper.nodes,
             lower: lattices.lower.nodes,
         },
-    }
+    })
 }
 
 /// The point of the boundary that a point near it is carried to along the gradient.

@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use crate::numerics::cells::Cells;
 
 use super::depth::Depth;
+use super::observer::{Cancelled, Observer};
 use super::sides::SheetSides;
 
 /// Radius in the plane of the part of the sheet that tells whether it is a strip, voxels.
@@ -82,28 +83,43 @@ struct Strip {
 }
 
 /// Plane coordinates with the points of flattened strips back in their places across.
-#[must_use]
-pub fn unfolded(sheet: &SheetSides, flat: &[Point2<f64>]) -> Vec<Point2<f64>> {
+///
+/// # Errors
+/// When the observer asks to stop.
+pub fn unfolded(
+    sheet: &SheetSides,
+    flat: &[Point2<f64>],
+    observer: &dyn Observer,
+) -> Result<Vec<Point2<f64>>, Cancelled> {
     let around = Around::new(flat, &sheet.medial.positions);
-    let hand = handedness(sheet, &around);
+    let hand = handedness(sheet, &around, observer)?;
     let moved = |k: usize| {
-        let Some(strip) = around.strip(k, &sheet.normals, hand) else { return flat[k] };
+        observer.check()?;
+        let Some(strip) = around.strip(k, &sheet.normals, hand) else { return Ok(flat[k]) };
         let [narrow, wide] = strip.widths;
         let share = strip.sure * below(narrow / wide.max(1e-9), FLATTENED);
-        flat[k] + (strip.middle + strip.across_flat * strip.offset - flat[k]) * share
+        Ok(flat[k] + (strip.middle + strip.across_flat * strip.offset - flat[k]) * share)
     };
     (0..flat.len()).into_par_iter().with_min_len(POINTS_PER_TASK).map(moved).collect()
 }
 
 /// The sheet's points, followed by those that widen its thin strips.
-#[must_use]
-pub fn widened(sheet: &SheetSides, flat: &[Point2<f64>], depth: &Depth) -> SheetPoints {
+///
+/// # Errors
+/// When the observer asks to stop.
+pub fn widened(
+    sheet: &SheetSides,
+    flat: &[Point2<f64>],
+    depth: &Depth,
+    observer: &dyn Observer,
+) -> Result<SheetPoints, Cancelled> {
     let mut points =
         SheetPoints { flat: flat.to_vec(), positions: sheet.medial.positions.clone(), radii: sheet.radii.clone() };
     let around = Around::new(flat, &sheet.medial.positions);
-    let hand = handedness(sheet, &around);
+    let hand = handedness(sheet, &around, observer)?;
     let least_radius = LEAST_RADIUS * median(&sheet.radii);
     let thin = |k: usize| {
+        observer.check()?;
         let radius = sheet.radii[k];
         let strip = around.strip(k, &sheet.normals, hand).filter(|s| s.widths[0] < THIN && s.sure > 0.5);
         let strip = strip.filter(|_| radius >= least_radius);
@@ -115,16 +131,16 @@ pub fn widened(sheet: &SheetSides, flat: &[Point2<f64>], depth: &Depth) -> Sheet
             };
             ASIDE.map(place)
         };
-        strip.map_or([None; 2], beside)
+        Ok(strip.map_or([None; 2], beside))
     };
     let all = (0..flat.len()).into_par_iter().with_min_len(POINTS_PER_TASK);
-    let added: Vec<_> = all.map(thin).collect();
+    let added = all.map(thin).collect::<Result<Vec<_>, _>>()?;
     for (flat, position, radius) in added.into_iter().flatten().flatten() {
         points.flat.push(flat);
         points.positions.push(position);
         points.radii.push(radius);
     }
-    points
+    Ok(points)
 }
 
 /// 1 up to the first bound, 0 from the second on.
@@ -140,13 +156,13 @@ fn median(values: &[f64]) -> f64 {
 
 /// +1 when u × v of the plane is carried to the sheet's normals, −1 when it is carried to their
 /// opposites, told by the parts that cover the plane.
-fn handedness(sheet: &SheetSides, around: &Around<'_>) -> f64 {
+fn handedness(sheet: &SheetSides, around: &Around<'_>, observer: &dyn Observer) -> Result<f64, Cancelled> {
     let wide = |k: usize| around.part(k).filter(|part| part.narrow() > NARROW[1]);
-    let turn = |k: usize| wide(k).map_or(0.0, |part| part.turn(sheet.normals[k]));
+    let turn = |k: usize| observer.check().map(|()| wide(k).map_or(0.0, |part| part.turn(sheet.normals[k])));
     let points = (0..sheet.normals.len()).into_par_iter().with_min_len(POINTS_PER_TASK);
     // Summed in the order of the points, not in that of the threads.
-    let turns: Vec<f64> = points.map(turn).collect();
-    if turns.into_iter().sum::<f64>() < 0.0 { -1.0 } else { 1.0 }
+    let turns: Vec<f64> = points.map(turn).collect::<Result<_, _>>()?;
+    Ok(if turns.into_iter().sum::<f64>() < 0.0 { -1.0 } else { 1.0 })
 }
 
 /// Search for the part of the sheet around a point.

@@ -7,6 +7,7 @@ use nalgebra::{Point2, Point3};
 use crate::numerics::surface_nets::zero_surface;
 use crate::space::{LabelVolume, ParamPoint, WorldPoint};
 
+use super::PipelineError;
 use super::anchored::anchored;
 use super::automatic::{Automatic, automatic, respaced};
 use super::cut::{Laid, cut};
@@ -67,24 +68,6 @@ pub struct Work<'a> {
     pub repeat: Option<Repeat<'a>>,
 }
 
-/// Why a structure has no result.
-enum Stop {
-    Cancelled,
-    Refused(Refusal),
-}
-
-impl From<Cancelled> for Stop {
-    fn from(_: Cancelled) -> Self {
-        Self::Cancelled
-    }
-}
-
-impl From<Refusal> for Stop {
-    fn from(refusal: Refusal) -> Self {
-        Self::Refused(refusal)
-    }
-}
-
 /// What all stages after the first stand on.
 struct Body {
     solid: Solid,
@@ -113,8 +96,8 @@ impl Work<'_> {
                 self.add_uncertainty(&mut structure)?;
                 Ok(structure)
             }
-            Err(Stop::Cancelled) => Err(Cancelled),
-            Err(Stop::Refused(refusal)) => {
+            Err(PipelineError::Cancelled(stop)) => Err(stop),
+            Err(PipelineError::Refused(refusal)) => {
                 structure.quality.verdict = Verdict::Fail;
                 structure.refusal = Some(refusal);
                 Ok(structure)
@@ -160,65 +143,72 @@ impl Work<'_> {
         }
     }
 
-    /// Runs `work` as a stage: looks at the observer, reports, and takes the time.
-    fn stage<T>(&self, timings: &mut StageTimings, stage: Stage, work: impl FnOnce() -> T) -> Result<T, Cancelled> {
+    /// Runs `work` as a stage: looks at the observer, reports, and takes the time. Of one that is stopped
+    /// or refused no end is reported.
+    fn stage<T, E: From<Cancelled>>(
+        &self,
+        timings: &mut StageTimings,
+        stage: Stage,
+        work: impl FnOnce() -> Result<T, E>,
+    ) -> Result<T, E> {
         self.observer.check()?;
         self.observer.progress(self.number, self.count, stage, 0.0);
         let start = Instant::now();
-        let result = work();
+        let result = work()?;
         timings.0[stage as usize] += start.elapsed().as_secs_f64() * 1e3;
         self.observer.progress(self.number, self.count, stage, 1.0);
         Ok(result)
     }
 
-    fn stages(&self, out: &mut Structure) -> Result<(), Stop> {
+    fn stages(&self, out: &mut Structure) -> Result<(), PipelineError> {
         let (params, observer) = (self.params, self.observer);
         let mut timings = StageTimings::default();
-        let mut warnings = Vec::new();
-        let solid = self.stage(&mut timings, Stage::Mask, || {
-            let solid = solid(self.volume, self.index, self.bounds, params.resolution_mm, &mut warnings)?;
+        let (solid, skin) = self.stage(&mut timings, Stage::Mask, || {
+            let resolution_mm = params.resolution_mm;
+            let solid = solid(self.volume, self.index, self.bounds, resolution_mm, &mut out.warnings, observer)?;
             let solid = match self.repeat {
-                Some(repeat) => perturbed(solid, repeat.number),
+                Some(repeat) => perturbed(solid, repeat.number, observer)?,
                 None => {
-                    out.object = object_mesh(&solid);
+                    out.object = object_mesh(&solid, observer)?;
                     solid
                 }
             };
-            let skin = skin(&solid);
-            Ok::<_, Refusal>((solid, skin))
+            let skin = skin(&solid, observer)?;
+            Ok::<_, PipelineError>((solid, skin))
         })?;
-        out.warnings = warnings;
-        let (solid, skin) = solid?;
         out.working_voxel_mm = solid.voxel_mm;
         let body = self.stage(&mut timings, Stage::Distance, || {
-            let depth = depth(&solid, skin);
-            let senses = Senses::of(&solid.inside, &solid.world_from_work);
-            Body { solid, depth, senses }
+            let depth = depth(&solid, skin, observer)?;
+            let senses = Senses::of(&solid.inside, &solid.world_from_work, observer)?;
+            Ok::<_, Cancelled>(Body { solid, depth, senses })
         })?;
         let Body { solid, depth, senses } = &body;
-        let surface = self.stage(&mut timings, Stage::Skeleton, || medial_surface(solid, depth, observer))??;
-        let sheets =
-            self.stage(&mut timings, Stage::Sheets, || sheets(&surface, depth, params.prune, params.max_figures))?;
+        let surface = self.stage(&mut timings, Stage::Skeleton, || medial_surface(solid, depth, observer))?;
+        let sheets = self.stage(&mut timings, Stage::Sheets, || {
+            sheets(&surface, depth, params.prune, params.max_figures, observer)
+        })?;
         out.timings = timings;
         check_sheet(&surface, &sheets, solid)?;
         let start = Instant::now();
         let Laid { sheets, flat } = cut(&surface, sheets, params, solid.voxel_mm, observer, &mut out.warnings)?;
         timings.0[Stage::Isomap as usize] += start.elapsed().as_secs_f64() * 1e3;
-        let sheet_sides = self
-            .stage(&mut timings, Stage::Sides, || sides(depth, &solid.world_from_work, &surface, &sheets, senses))??;
+        let sheet_sides = self.stage(&mut timings, Stage::Sides, || {
+            sides(depth, &solid.world_from_work, &surface, &sheets, senses, observer)
+        })?;
         let drafts = self.drafts(&body, &sheet_sides, flat, &mut timings, &mut out.warnings)?;
         out.timings = timings;
         let figures: Vec<Nodes> = drafts.iter().flatten().map(|d| d.nodes.clone()).collect();
         self.stage(&mut timings, Stage::Quality, || {
             for (sheet, draft) in sheet_sides.iter().zip(&drafts) {
-                out.figures.extend(draft.as_ref().map(|d| figure(solid, sheet, d)));
+                out.figures.extend(draft.as_ref().map(|d| figure(solid, sheet, d, observer)).transpose()?);
             }
             if self.repeat.is_none() {
                 let mut qualities: Vec<_> = out.figures.iter().map(|f| f.quality.clone()).collect();
-                out.quality = structure_quality(solid, depth, &figures, &mut qualities);
+                out.quality = structure_quality(solid, depth, &figures, &mut qualities, observer)?;
                 out.figures.iter_mut().zip(qualities).for_each(|(figure, quality)| figure.quality = quality);
                 out.quality.pruned_sheets = sheets.pruned;
             }
+            Ok::<_, Cancelled>(())
         })?;
         out.junctions = junctions(solid, &surface, &sheets, &drafts);
         out.pruned = sheets.pruned;
@@ -239,12 +229,12 @@ impl Work<'_> {
         flat: Vec<Option<Flat>>,
         timings: &mut StageTimings,
         warnings: &mut Vec<Warning>,
-    ) -> Result<Vec<Option<Draft>>, Stop> {
+    ) -> Result<Vec<Option<Draft>>, PipelineError> {
         let mut drafts = Vec::new();
         for (number, (sheet, flat)) in sheets.iter().zip(flat).enumerate() {
             match self.draft(body, (sheet, flat), number, timings, warnings) {
                 Ok(draft) => drafts.push(Some(draft)),
-                Err(Stop::Refused(refusal)) if number > 0 => {
+                Err(PipelineError::Refused(refusal)) if number > 0 => {
                     let message = format!("sheet {number} was left out: {refusal}");
                     warnings.push(Warning { code: "sheet_left_out", message });
                     drafts.push(None);
@@ -262,20 +252,20 @@ impl Work<'_> {
         number: usize,
         timings: &mut StageTimings,
         warnings: &mut Vec<Warning>,
-    ) -> Result<Draft, Stop> {
+    ) -> Result<Draft, PipelineError> {
         let Body { solid, depth, .. } = body;
         let (flat, frame) =
-            self.stage(timings, Stage::Isomap, || self.flatten_all(body, sheet, flat, number, warnings))??;
-        let own_region = Region::of(&flat.medial.points);
+            self.stage(timings, Stage::Isomap, || self.flatten_all(body, sheet, flat, number, warnings))?;
+        let own_region = Region::of(&flat.medial.points, self.observer)?;
         if number == 0 {
             check_extents(&own_region, sheet, solid)?;
         }
         let points = match self.params.correspondence {
-            Correspondence::Anchored => widened(sheet, &flat.medial.points, depth),
+            Correspondence::Anchored => widened(sheet, &flat.medial.points, depth, self.observer)?,
             Correspondence::Paper => SheetPoints::default(),
         };
         let is_widened = points.flat.len() > flat.medial.points.len();
-        let region = if is_widened { Region::of(&points.flat) } else { own_region };
+        let region = if is_widened { Region::of(&points.flat, self.observer)? } else { own_region };
         let share = region.hole_share;
         if share > HOLES_REFUSED {
             return Err(Refusal::SheetHasHoles { share, allowed: HOLES_REFUSED }.into());
@@ -295,26 +285,28 @@ impl Work<'_> {
         let too_small = || Refusal::TooSmall { points: sheet.medial.positions.len(), needed: MIN_SHEET_POINTS };
         if self.params.correspondence == Correspondence::Paper {
             let (size, automatic) = sized(&region);
-            let lattices = self.stage(timings, Stage::Lattice, || lattices(&flat, self.params, size))?;
+            let lattices = self.stage(timings, Stage::Lattice, || lattices(&flat, self.params, size, self.observer))?;
             let lattices = lattices.ok_or_else(too_small)?;
-            let nodes = self.stage(timings, Stage::Spokes, || paper(solid, sheet, &flat, lattices))?;
+            let nodes = self.stage(timings, Stage::Spokes, || paper(solid, sheet, &flat, lattices, self.observer))?;
             return Ok(Draft { nodes, flat, frame, automatic, repair: Repair::default() });
         }
         let (whole, automatic, lattice) = self.stage(timings, Stage::Lattice, || {
-            let whole = to_rim(&points, &region, &sheet.hinge, solid, depth);
+            let whole = to_rim(&points, &region, &sheet.hinge, solid, depth, self.observer)?;
             let (size, automatic) = sized(&whole.region);
-            let lay = |size| lattice(&whole.region, self.params.lattice, size, self.params.margin, 0.0);
-            let mut lattice = lay(size);
+            let (kind, margin) = (self.params.lattice, self.params.margin);
+            let lay = |size| lattice(&whole.region, kind, size, margin, 0.0, self.observer);
+            let mut lattice = lay(size)?;
             if let (None, Some(spacing_mm), Some(first)) = (self.repeat, self.params.spacing_mm, &lattice) {
                 let better = respaced(first, spacing_mm / solid.voxel_mm);
                 if better != size {
-                    lattice = lay(better);
+                    lattice = lay(better)?;
                 }
             }
-            (whole, automatic, lattice)
+            Ok::<_, Cancelled>((whole, automatic, lattice))
         })?;
         let lattice = lattice.ok_or_else(too_small)?;
-        let (nodes, repair) = self.stage(timings, Stage::Spokes, || anchored(solid, depth, sheet, &whole, lattice))?;
+        let anchored = || anchored(solid, depth, sheet, &whole, lattice, self.observer);
+        let (nodes, repair) = self.stage(timings, Stage::Spokes, anchored)?;
         Ok(Draft { nodes, flat, frame, automatic, repair })
     }
 
@@ -326,7 +318,7 @@ impl Work<'_> {
         laid: Option<Flat>,
         number: usize,
         warnings: &mut Vec<Warning>,
-    ) -> Result<(PerSurface<Flat>, FrameFacts), Stop> {
+    ) -> Result<(PerSurface<Flat>, FrameFacts), PipelineError> {
         let solid = &body.solid;
         let mut flat_of = |name: &str, surface, laid: Option<Flat>| {
             let params = self.params;
@@ -339,13 +331,13 @@ impl Work<'_> {
                 );
                 warnings.push(Warning { code: "neighborhood_too_small", message });
             }
-            Ok::<Flat, Stop>(flat)
+            Ok::<Flat, PipelineError>(flat)
         };
         let mut medial = flat_of("medial", &sheet.medial, laid)?;
-        let (points, frame) = framed(&medial.points, sheet, solid, &body.senses);
+        let (points, frame) = framed(&medial.points, sheet, solid, &body.senses, self.observer)?;
         medial.points = points;
         if self.params.correspondence == Correspondence::Anchored {
-            medial.points = unfolded(sheet, &medial.points);
+            medial.points = unfolded(sheet, &medial.points, self.observer)?;
             // The sides take their coordinates from the sheet; they have no graph of their own.
             let carried = |side: &Side| Flat {
                 points: side.partners.iter().map(|&p| medial.points[p as usize]).collect(),
@@ -366,9 +358,9 @@ impl Work<'_> {
     }
 }
 
-fn refused(error: IsomapError, sheet: &SheetSides, voxel_mm: f64) -> Stop {
+fn refused(error: IsomapError, sheet: &SheetSides, voxel_mm: f64) -> PipelineError {
     let refusal = match error {
-        IsomapError::Cancelled(_) => return Stop::Cancelled,
+        IsomapError::Cancelled(stop) => return stop.into(),
         IsomapError::TooFewPoints { points } => Refusal::TooSmall { points, needed: MIN_SHEET_POINTS },
         IsomapError::TooManyForExact { points, limit } => Refusal::TooManyPoints { points, limit },
         IsomapError::NoPlane => {
@@ -378,7 +370,7 @@ fn refused(error: IsomapError, sheet: &SheetSides, voxel_mm: f64) -> Stop {
             Refusal::Tube { length_mm: length * voxel_mm, radius_mm: radius * voxel_mm }
         }
     };
-    Stop::Refused(refusal)
+    refusal.into()
 }
 
 /// Refuses an object whose medial surface has too few points for a sheet.
@@ -425,13 +417,13 @@ fn check_extents(region: &Region, sheet: &SheetSides, solid: &Solid) -> Result<(
 }
 
 /// The smooth outer surface of the mask in the world.
-fn object_mesh(solid: &Solid) -> TriangleMesh {
-    let mesh = zero_surface(&solid.level.0);
+fn object_mesh(solid: &Solid, observer: &dyn Observer) -> Result<TriangleMesh, Cancelled> {
+    let mesh = zero_surface(&solid.level.0, &|| observer.check())?;
     let mut triangles = mesh.triangles;
     if solid.world_from_work.matrix().determinant() < 0.0 {
         triangles.iter_mut().for_each(|t| t.swap(1, 2));
     }
-    TriangleMesh { positions: in_world(solid, &mesh.positions), triangles }
+    Ok(TriangleMesh { positions: in_world(solid, &mesh.positions), triangles })
 }
 
 fn in_world(solid: &Solid, points: &[Point3<f64>]) -> Vec<WorldPoint> {
@@ -443,7 +435,7 @@ fn in_mm(points: &[Point2<f64>], voxel_mm: f64) -> Vec<ParamPoint> {
 }
 
 /// A finished figure in the world.
-fn figure(solid: &Solid, sheet: &SheetSides, draft: &Draft) -> Figure {
+fn figure(solid: &Solid, sheet: &SheetSides, draft: &Draft, observer: &dyn Observer) -> Result<Figure, Cancelled> {
     let Draft { nodes, flat, frame, automatic, repair } = draft;
     let mm = solid.voxel_mm;
     let residual = PerSurface {
@@ -455,7 +447,7 @@ fn figure(solid: &Solid, sheet: &SheetSides, draft: &Draft) -> Figure {
         positions: in_world(solid, positions),
         flat: in_mm(&flat.points, mm),
     };
-    Figure {
+    Ok(Figure {
         grid: nodes.size,
         medial: in_world(solid, &nodes.medial),
         upper: in_world(solid, &nodes.upper),
@@ -483,11 +475,11 @@ fn figure(solid: &Solid, sheet: &SheetSides, draft: &Draft) -> Figure {
             upper: points(&sheet.upper.surface.positions, &flat.upper),
             lower: points(&sheet.lower.surface.positions, &flat.lower),
         },
-        quality: figure_quality(nodes, residual, *repair),
+        quality: figure_quality(nodes, residual, *repair, observer)?,
         frame: frame.clone(),
         automatic: automatic.clone(),
         uncertainty: None,
-    }
+    })
 }
 
 /// Hinges between the figures that were kept.

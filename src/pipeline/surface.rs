@@ -6,6 +6,8 @@ use rayon::prelude::*;
 
 use crate::numerics::field::id;
 
+use super::observer::{Cancelled, Observer};
+
 /// Points of a surface, voxels of work space, with their 26-neighbours on it.
 #[derive(Clone, Debug, Default)]
 pub struct Surface {
@@ -18,36 +20,44 @@ pub struct Surface {
 impl Surface {
     /// The part of a larger surface of `whole` points made of `members` (ascending indices into it);
     /// `touching` adds the points that one touches to a list, ascending.
-    #[must_use]
+    ///
+    /// # Errors
+    /// When the observer asks to stop.
     pub fn made_of(
         members: &[u32],
         whole: usize,
         position: impl Fn(u32) -> Point3<f64>,
         touching: impl Fn(u32, &mut Vec<u32>) + Sync,
-    ) -> Self {
+        observer: &dyn Observer,
+    ) -> Result<Self, Cancelled> {
         let mut place = vec![u32::MAX; whole];
         members.iter().enumerate().for_each(|(k, &p)| place[p as usize] = id(k));
         let list_of = |&p: &u32| {
+            observer.check()?;
             let mut list = Vec::new();
             touching(p, &mut list);
             list.iter_mut().for_each(|n| *n = place[*n as usize]);
             list.retain(|n| *n != u32::MAX);
-            list
+            Ok(list)
         };
-        let adjacency = members.par_iter().with_min_len(256).map(list_of).collect();
-        Self { positions: members.iter().map(|&p| position(p)).collect(), adjacency }
+        let adjacency = members.par_iter().with_min_len(256).map(list_of).collect::<Result<_, _>>()?;
+        Ok(Self { positions: members.iter().map(|&p| position(p)).collect(), adjacency })
     }
 
     /// The part made of some points (ascending).
-    #[must_use]
-    pub fn part(&self, members: &[u32]) -> Self {
+    ///
+    /// # Errors
+    /// When the observer asks to stop.
+    pub fn part(&self, members: &[u32], observer: &dyn Observer) -> Result<Self, Cancelled> {
         let touching = |p: u32, list: &mut Vec<u32>| list.extend_from_slice(&self.adjacency[p as usize]);
-        Self::made_of(members, self.positions.len(), |p| self.positions[p as usize], touching)
+        Self::made_of(members, self.positions.len(), |p| self.positions[p as usize], touching, observer)
     }
 
     /// Indices of the largest connected piece (the first of equals), ascending.
-    #[must_use]
-    pub fn largest_piece(&self) -> Vec<u32> {
+    ///
+    /// # Errors
+    /// When the observer asks to stop.
+    pub fn largest_piece(&self, observer: &dyn Observer) -> Result<Vec<u32>, Cancelled> {
         let mut seen = vec![false; self.positions.len()];
         let mut best = Vec::new();
         for start in 0..seen.len() {
@@ -58,6 +68,7 @@ impl Surface {
             let mut piece = vec![id(start)];
             let mut next = 0;
             while next < piece.len() {
+                observer.check()?;
                 for &n in &self.adjacency[piece[next] as usize] {
                     if !std::mem::replace(&mut seen[n as usize], true) {
                         piece.push(n);
@@ -70,6 +81,6 @@ impl Surface {
             }
         }
         best.sort_unstable();
-        best
+        Ok(best)
     }
 }

@@ -5,6 +5,9 @@ use rayon::prelude::*;
 /// Integer voxel coordinates `(i, j, k)`.
 pub type VoxelIndex = [usize; 3];
 
+/// Voxels between two looks at whether to go on, where each takes a nanosecond.
+const SLICE: usize = 1 << 22;
+
 /// A dense array over a box of voxels; `i` is the fastest index.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid<T> {
@@ -30,6 +33,12 @@ impl<T> Grid<T> {
     #[must_use]
     pub fn as_slice(&self) -> &[T] {
         &self.data
+    }
+
+    /// All values, `i` fastest, without the grid.
+    #[must_use]
+    pub fn into_vec(self) -> Vec<T> {
+        self.data
     }
 
     /// All values, `i` fastest, to write to.
@@ -64,19 +73,41 @@ impl<T> Grid<T> {
 }
 
 impl<T: Sync> Grid<T> {
-    /// The same grid with every value changed.
-    pub fn map<U: Send>(&self, change: impl Fn(&T) -> U + Send + Sync) -> Grid<U> {
-        Grid { dims: self.dims, data: self.data.par_iter().with_min_len(1 << 14).map(change).collect() }
+    /// The same grid with every value changed. `go_on` is asked before each slice.
+    ///
+    /// # Errors
+    /// Those of `go_on`.
+    pub fn try_map<U: Send, E>(
+        &self,
+        change: impl Fn(&T) -> U + Send + Sync,
+        go_on: impl Fn() -> Result<(), E>,
+    ) -> Result<Grid<U>, E> {
+        let mut data = Vec::with_capacity(self.data.len());
+        for slice in self.data.chunks(SLICE) {
+            go_on()?;
+            data.par_extend(slice.par_iter().with_min_len(1 << 14).map(&change));
+        }
+        Ok(Grid { dims: self.dims, data })
     }
 }
 
 impl<T: Send> Grid<T> {
-    /// A grid of what `value` says of each voxel.
-    pub fn of(dims: [usize; 3], value: impl Fn(VoxelIndex) -> T + Send + Sync) -> Self {
+    /// A grid of what `value` says of each voxel. `go_on` is asked before each plane.
+    ///
+    /// # Errors
+    /// Those of `go_on`.
+    pub fn try_of<E>(
+        dims: [usize; 3],
+        value: impl Fn(VoxelIndex) -> T + Send + Sync,
+        go_on: impl Fn() -> Result<(), E>,
+    ) -> Result<Self, E> {
         let [nx, ny, nz] = dims;
-        let row = |n: usize| (0..nx).map(move |i| [i, n % ny, n / ny]);
-        let data = (0..ny * nz).into_par_iter().flat_map_iter(|n| row(n).map(&value)).collect();
-        Self { dims, data }
+        let mut data = Vec::with_capacity(nx * ny * nz);
+        for k in 0..nz {
+            go_on()?;
+            data.par_extend((0..nx * ny).into_par_iter().with_min_len(nx).map(|n| value([n % nx, n / nx, k])));
+        }
+        Ok(Self { dims, data })
     }
 }
 
@@ -85,6 +116,20 @@ impl<T: Clone> Grid<T> {
     #[must_use]
     pub fn filled(dims: [usize; 3], value: T) -> Self {
         Self { dims, data: vec![value; dims[0] * dims[1] * dims[2]] }
+    }
+
+    /// The same, of a grid so large that memory takes its time to come. `go_on` is asked before each slice.
+    ///
+    /// # Errors
+    /// Those of `go_on`.
+    pub fn try_filled<E>(dims: [usize; 3], value: T, go_on: impl Fn() -> Result<(), E>) -> Result<Self, E> {
+        let count = dims[0] * dims[1] * dims[2];
+        let mut data = Vec::with_capacity(count);
+        while data.len() < count {
+            go_on()?;
+            data.resize((data.len() + SLICE).min(count), value.clone());
+        }
+        Ok(Self { dims, data })
     }
 }
 

@@ -38,6 +38,8 @@ mod pipeline_strip;
 
 mod pipeline_frame;
 
+mod pipeline_cancel;
+
 mod pipeline_refusals;
 
 mod pipeline_anchored;

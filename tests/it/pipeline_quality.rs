@@ -9,6 +9,7 @@ use medialrep::pipeline::model::{
     Coverage, DistanceSummary, Distortion, Figure, FigureQuality, MeanAndP95, Model, PerSurface, Repair,
     StructureQuality, Verdict,
 };
+use medialrep::pipeline::observer::Silent;
 use medialrep::pipeline::params::{LatticeSize, Params};
 use medialrep::pipeline::quality::{figure_quality, structure_quality};
 use medialrep::pipeline::spokes::Nodes;
@@ -114,8 +115,9 @@ fn distortion_of_a_plane_is_measured() {
 fn boxed(shift: f64) -> (StructureQuality, Vec<FigureQuality>, MeanAndP95) {
     let inside = |[i, j, k]: [usize; 3]| (4..28).contains(&i) && (4..34).contains(&j) && (4..16).contains(&k);
     let volume = painted([32, 38, 20], [1.0; 3], |at| u16::from(inside(at)));
-    let solid = solid(&volume, 1, label_boxes(&volume)[1].unwrap(), None, &mut Vec::new()).unwrap();
-    let depth = depth(&solid, skin(&solid));
+    let solid =
+        solid(&volume, 1, label_boxes(&volume, &Silent).unwrap()[1].unwrap(), None, &mut Vec::new(), &Silent).unwrap();
+    let depth = depth(&solid, skin(&solid, &Silent).unwrap(), &Silent).unwrap();
     let middle = depth.skin.iter().map(|s| s.position.coords).sum::<Vector3<f64>>() / depth.skin.len() as f64;
     let mut nodes = flat_slab(SIZE);
     let here = nodes.medial.iter().map(|p| p.coords).sum::<Vector3<f64>>() / nodes.medial.len() as f64;
@@ -126,9 +128,9 @@ fn boxed(shift: f64) -> (StructureQuality, Vec<FigureQuality>, MeanAndP95) {
         }
     }
     nodes.medial.iter_mut().for_each(|p| p.z += shift);
-    let offset = medial_offset(&nodes, &SkinSearch::of(&depth.skin));
-    let mut qualities = vec![figure_quality(&nodes, PerSurface::default(), Repair::default())];
-    let quality = structure_quality(&solid, &depth, &[nodes], &mut qualities);
+    let offset = medial_offset(&nodes, &SkinSearch::of(&depth.skin, &Silent).unwrap(), &Silent).unwrap();
+    let mut qualities = vec![figure_quality(&nodes, PerSurface::default(), Repair::default(), &Silent).unwrap()];
+    let quality = structure_quality(&solid, &depth, &[nodes], &mut qualities, &Silent).unwrap();
     (quality, qualities, offset)
 }
 
@@ -166,10 +168,10 @@ fn each_sheet_of_a_tee_is_measured_against_its_share_of_the_mask() {
 fn an_unrepaired_figure_had_its_folds_before() {
     let mut nodes = flat_slab(SIZE);
     nodes.upper[8].z = -1.0;
-    let quality = figure_quality(&nodes, PerSurface::default(), Repair::default());
+    let quality = figure_quality(&nodes, PerSurface::default(), Repair::default(), &Silent).unwrap();
     assert_eq!(quality.repair, Repair { folds_before: quality.folds, ..Repair::default() });
     let repair = Repair { folds_before: 40, moved_nodes: 3, shortened_nodes: 1 };
-    assert_eq!(figure_quality(&nodes, PerSurface::default(), repair).repair, repair);
+    assert_eq!(figure_quality(&nodes, PerSurface::default(), repair, &Silent).unwrap().repair, repair);
 }
 
 fn written(model: &Model) -> Value {

@@ -21,9 +21,9 @@ use nalgebra::{Point3, Rotation3};
 use crate::phantoms::{painted, sample, turned, volume};
 
 fn thinned(volume: &LabelVolume) -> (Solid, Depth, MedialSurface) {
-    let bounds = label_boxes(volume)[1].expect("label 1 is there");
-    let solid = solid(volume, 1, bounds, None, &mut Vec::new()).expect("a solid");
-    let depth = depth(&solid, skin(&solid));
+    let bounds = label_boxes(volume, &Silent).unwrap()[1].expect("label 1 is there");
+    let solid = solid(volume, 1, bounds, None, &mut Vec::new(), &Silent).expect("a solid");
+    let depth = depth(&solid, skin(&solid, &Silent).unwrap(), &Silent).unwrap();
     let surface = medial_surface(&solid, &depth, &Silent).expect("not cancelled");
     (solid, depth, surface)
 }
@@ -81,12 +81,12 @@ fn medial_points_are_equally_far_from_both_feet() {
 #[test]
 fn sides_lie_on_opposite_sides_and_are_one_piece() {
     let (solid, depth, surface) = thinned(&volume("twisted"));
-    let found = sheets(&surface, &depth, Prune::Auto, None);
-    let senses = Senses::of(&solid.inside, &solid.world_from_work);
-    let sides = sides(&depth, &solid.world_from_work, &surface, &found, &senses).expect("orientable");
+    let found = sheets(&surface, &depth, Prune::Auto, None, &Silent).unwrap();
+    let senses = Senses::of(&solid.inside, &solid.world_from_work, &Silent).unwrap();
+    let sides = sides(&depth, &solid.world_from_work, &surface, &found, &senses, &Silent).expect("orientable");
     assert_eq!(sides.len(), 1);
     for (side, sign) in [(&sides[0].upper, 1.0), (&sides[0].lower, -1.0)] {
-        assert_eq!(side.surface.largest_piece().len(), side.surface.positions.len());
+        assert_eq!(side.surface.largest_piece(&Silent).unwrap().len(), side.surface.positions.len());
         for (p, &partner) in side.surface.positions.iter().zip(&side.partners) {
             let k = partner as usize;
             let height = (p - sides[0].medial.positions[k]).dot(&sides[0].normals[k]);
@@ -170,7 +170,9 @@ fn crescent() -> Vec<nalgebra::Point2<f64>> {
 #[test]
 fn a_lattice_stays_inside_a_crescent_and_does_not_fold() {
     let size = LatticeSize { rows: 8, cols: 20 };
-    let found = lattice(&Region::of(&crescent()), LatticeKind::Fitted, size, 0.05, 0.0).expect("a region");
+    let found = lattice(&Region::of(&crescent(), &Silent).unwrap(), LatticeKind::Fitted, size, 0.05, 0.0, &Silent)
+        .unwrap()
+        .expect("a region");
     assert!(found.valid.iter().all(|v| *v), "a node lies in the hollow");
     let radii = found.nodes.iter().map(|n| n.coords.norm());
     assert!(radii.clone().all(|r| (19.0..33.0).contains(&r)), "{:?}", radii.collect::<Vec<_>>());

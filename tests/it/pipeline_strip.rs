@@ -2,6 +2,7 @@
 
 use medialrep::pipeline::depth::{Depth, depth, skin};
 use medialrep::pipeline::mask::{label_boxes, solid};
+use medialrep::pipeline::observer::Silent;
 use medialrep::pipeline::sides::SheetSides;
 use medialrep::pipeline::strip::{unfolded, widened};
 use medialrep::pipeline::surface::Surface;
@@ -32,9 +33,9 @@ fn in_space(p: Point2<f64>, hand: f64) -> Point3<f64> {
 /// A block that all of it lies deep inside of.
 fn block() -> Depth {
     let volume = painted([62; 3], [1.0; 3], |index| u16::from(index.iter().all(|x| (1..61).contains(x))));
-    let bounds = label_boxes(&volume)[1].expect("label 1 is there");
-    let solid = solid(&volume, 1, bounds, None, &mut Vec::new()).expect("a solid");
-    depth(&solid, skin(&solid))
+    let bounds = label_boxes(&volume, &Silent).unwrap()[1].expect("label 1 is there");
+    let solid = solid(&volume, 1, bounds, None, &mut Vec::new(), &Silent).expect("a solid");
+    depth(&solid, skin(&solid, &Silent).unwrap(), &Silent).unwrap()
 }
 
 #[test]
@@ -42,7 +43,7 @@ fn a_strand_gets_points_on_both_sides_with_the_sheets_handedness() {
     let depth = block();
     for hand in [1.0, -1.0] {
         let (sheet, flat) = tailed(1, hand);
-        let points = widened(&sheet, &flat, &depth);
+        let points = widened(&sheet, &flat, &depth, &Silent).unwrap();
         let own = flat.len();
         assert_eq!((&points.flat[..own], &points.positions[..own]), (&flat[..], &sheet.medial.positions[..]));
         for aside in [-1.0, 1.0] {
@@ -62,14 +63,14 @@ fn points_outside_of_the_object_are_not_added() {
     let (mut sheet, flat) = tailed(1, 1.0);
     // Balls this large do not fit into the block.
     sheet.radii.fill(70.0);
-    assert_eq!(widened(&sheet, &flat, &block()).flat.len(), flat.len());
+    assert_eq!(widened(&sheet, &flat, &block(), &Silent).unwrap().flat.len(), flat.len());
 }
 
 #[test]
 fn filaments_are_left_as_they_are() {
     let (mut sheet, flat) = tailed(1, 1.0);
     flat.iter().zip(&mut sheet.radii).filter(|(p, _)| p.x > 8.0).for_each(|(_, r)| *r = 0.5);
-    assert_eq!(widened(&sheet, &flat, &block()).flat.len(), flat.len());
+    assert_eq!(widened(&sheet, &flat, &block(), &Silent).unwrap().flat.len(), flat.len());
 }
 
 #[test]
@@ -78,7 +79,7 @@ fn a_strip_that_was_laid_on_a_line_gets_its_width_back() {
         let (sheet, flat) = tailed(rows, hand);
         let laid = |p: &Point2<f64>| Point2::new(p.x, p.y * (1.0 - (p.x - 10.0) / 4.0).clamp(0.0, 1.0));
         let squeezed: Vec<Point2<f64>> = flat.iter().map(|p| if p.x > 8.0 { laid(p) } else { *p }).collect();
-        let back = unfolded(&sheet, &squeezed);
+        let back = unfolded(&sheet, &squeezed, &Silent).unwrap();
         for (found, p) in back.iter().zip(&flat) {
             let (gap, tail) = ((found - p).norm(), p.x > 14.0);
             assert!(gap < if tail { 0.05 } else { 0.6 }, "{rows} rows, ({}, {}): {gap:.2}", p.x, p.y);
@@ -89,8 +90,8 @@ fn a_strip_that_was_laid_on_a_line_gets_its_width_back() {
 #[test]
 fn a_wide_sheet_is_left_as_it_is() {
     let (sheet, flat) = tailed(9, 1.0);
-    assert_eq!(unfolded(&sheet, &flat), flat);
-    assert_eq!(widened(&sheet, &flat, &block()).flat, flat);
+    assert_eq!(unfolded(&sheet, &flat, &Silent).unwrap(), flat);
+    assert_eq!(widened(&sheet, &flat, &block(), &Silent).unwrap().flat, flat);
 }
 
 #[test]

@@ -83,8 +83,9 @@ impl Service {
         stream.write_all(head.as_bytes()).ok()?;
         // A refusal may come before all is sent.
         let _ = stream.write_all(body);
-        let mut answer = String::new();
-        stream.read_to_string(&mut answer).ok()?;
+        let mut answer = Vec::new();
+        stream.read_to_end(&mut answer).ok()?;
+        let answer = String::from_utf8_lossy(&answer);
         let (head, body) = answer.split_once("\r\n\r\n")?;
         Some((head.to_owned(), body.to_owned()))
     }
@@ -126,6 +127,12 @@ impl Service {
 
     pub fn ended(&self, job: &str) -> Value {
         self.job_when(job, Duration::from_secs(120), |now| !now["ended_at"].is_null())
+    }
+
+    /// The job once it has ended, or as it is after three seconds.
+    pub fn job_soon(&self, job: &str) -> Value {
+        let deadline = Instant::now() + Duration::from_secs(3);
+        self.job_when(job, Duration::from_secs(30), |now| !now["ended_at"].is_null() || Instant::now() > deadline)
     }
 
     pub fn signal(&self, signal: &str) {

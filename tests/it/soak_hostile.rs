@@ -235,7 +235,7 @@ impl SmallDisk {
     }
 
     fn empty(&self) {
-        std::fs::remove_file(self.0.join("filler")).unwrap();
+        let _ = std::fs::remove_file(self.0.join("filler"));
     }
 }
 
@@ -260,26 +260,33 @@ fn a_full_disk_is_told_at_every_write_and_harms_nothing() {
         service.ended(&good)["results"].as_array().unwrap().iter().map(|r| r["bytes"].as_u64().unwrap()).sum();
     // From no room at all to room for all but the last of the results.
     let steps = if is_long() { 48 } else { 8 };
-    let (mut refused, mut failed, mut done) = (0, 0, 0);
+    let (mut refused, mut failed, mut waited, mut done) = (0, 0, 0, 0);
     for step in 0..=steps {
         disk.fill((results + (256 << 10)) * step / steps);
         let (head, body) = service.call("POST /v1/jobs", &mask);
         let answer: Value = serde_json::from_str(&body).unwrap();
         if head.starts_with("HTTP/1.1 202") {
             let job = answer["links"]["self"].as_str().unwrap().to_owned();
-            let ended = service.ended(&job);
-            match ended["state"].as_str().unwrap() {
+            let now = service.job_soon(&job);
+            match now["state"].as_str().unwrap() {
                 "succeeded" => done += 1,
-                _ => {
-                    assert_eq!(ended["error"]["code"], "storage_full", "{ended}");
+                "failed" => {
+                    assert_eq!(now["error"]["code"], "storage_full", "{now}");
                     failed += 1;
+                }
+                // Not even that can be written: it goes on when there is room.
+                _ => {
+                    disk.empty();
+                    service.ended(&job);
+                    waited += 1;
                 }
             }
         } else {
-            assert!(head.starts_with("HTTP/1.1 507") && answer["code"] == "storage_full", "{step}: {head} {body}");
+            let is_told = answer["code"] == "storage_full" || answer["code"] == "storage_low";
+            assert!(head.starts_with("HTTP/1.1 507") && is_told, "{step}: {head} {body}");
             refused += 1;
         }
-        // What is there can be read and, when a page of the log has room, deleted.
+        // What is there can be read.
         assert!(service.call(&format!("GET {good}/results/model.glb"), b"").0.starts_with("HTTP/1.1 200"));
         disk.empty();
         let now = service.submit(&mask);
@@ -291,8 +298,11 @@ fn a_full_disk_is_told_at_every_write_and_harms_nothing() {
             }
         }
     }
-    tell(&format!("full disk at {} levels: {refused} refused with 507, {failed} failed, {done} had room", steps + 1));
-    assert!(refused > 0 && failed > 0, "{refused} {failed} {done}");
+    tell(&format!(
+        "full disk at {} levels: {refused} refused with 507, {failed} failed, {waited} waited, {done} had room",
+        steps + 1
+    ));
+    assert!(refused > 0 && failed + waited > 0 && done > 0, "{refused} {failed} {waited} {done}");
     let checked = run(&["check", "--min-free-mib", "0"], &data);
     assert_eq!(checked.status.code(), Some(0), "{}", String::from_utf8_lossy(&checked.stdout));
 }
