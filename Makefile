@@ -1,6 +1,6 @@
 # What one does here. `make run` and `make test` are all that a newcomer needs.
 
-.PHONY: run test bench fuzz lint openapi image-check deny clean
+.PHONY: run test bench fuzz soak contract lint openapi image-check deny clean
 
 # The service on 127.0.0.1:8080, with a sample job already sent.
 run:
@@ -18,6 +18,15 @@ bench:
 # in fuzz/corpus, which `make test` replays; needs a C++ compiler.
 fuzz:
 	@scripts/fuzz.sh
+
+# The service's promises at length: hundreds of kills, stopped processes, attacks, a full disk, load. About
+# ten minutes; `make test` has the short form of each. Needs root for the full disk.
+soak:
+	MEDIALREP_SOAK=1 cargo test --locked --release --test it -- --nocapture --test-threads=1 soak pipeline_cancel
+
+# Holds a running service against openapi.yaml with schemathesis; needs Python.
+contract:
+	@scripts/contract.sh
 
 lint:
 	cargo fmt --check

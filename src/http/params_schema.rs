@@ -98,10 +98,7 @@ impl PartialSchema for ParamsSchema {
                             refused. Lengths are millimetres.",
             "properties": {
                 "labels": {
-                    "type": "array", "items": {"oneOf": [
-                        {"type": "integer", "format": "int64", "minimum": 1},
-                        {"type": "integer", "format": "int64", "maximum": -1}
-                    ]},
+                    "type": "array", "items": label(),
                     "uniqueItems": true,
                     "minItems": LABEL_COUNT.start(), "maxItems": LABEL_COUNT.end(),
                     "description": "Labels to work on, each one structure. Default: all that are not 0."
@@ -154,6 +151,12 @@ impl PartialSchema for ParamsSchema {
             }
         }))
     }
+}
+
+/// 0 is the background.
+fn label() -> serde_json::Value {
+    let whole = |bound: &str, value: i8| json!({"type": "integer", "format": "int64", bound: value});
+    json!({"oneOf": [whole("minimum", 1), whole("maximum", -1)]})
 }
 
 fn grid() -> serde_json::Value {

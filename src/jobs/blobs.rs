@@ -370,16 +370,9 @@ impl Blobs {
         let file = tokio::fs::File::open(path).await?;
         let mut from = BufReader::with_capacity(COPY_BUFFER_BYTES, file);
         let mut to = BufWriter::new(Arc::clone(&self.store), key.clone());
-        let copied = async {
-            tokio::io::copy_buf(&mut from, &mut to).await?;
-            to.shutdown().await
-        };
-        if let Err(error) = copied.await {
-            // Nothing to abort when nothing was begun.
-            let _ = to.abort().await;
-            return Err(io_error(error));
-        }
-        Ok(())
+        // Dropped after an error, it removes what it wrote.
+        tokio::io::copy_buf(&mut from, &mut to).await.map_err(io_error)?;
+        to.shutdown().await.map_err(io_error)
     }
 
     async fn copy_to(&self, other: &Self, key: &Key) -> io::Result<bool> {

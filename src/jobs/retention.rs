@@ -43,28 +43,31 @@ async fn erase_due(jobs: &Jobs) -> Result<(), JobsError> {
     let store = jobs.store();
     while let Some(before) = long_ago(keep.jobs) {
         let due = store.expire_jobs(before, BATCH).await?;
+        tell(jobs, "jobs", &due);
         for id in &due {
             jobs.blobs().erase(*id).await?;
         }
-        if is_last(jobs, "jobs", &due) {
+        if is_last(&due) {
             break;
         }
     }
     while let Some(before) = long_ago(keep.results) {
         let due = store.expire_results(before, BATCH).await?;
+        tell(jobs, "results", &due);
         for id in &due {
             jobs.blobs().erase_results(*id).await?;
         }
-        if is_last(jobs, "results", &due) {
+        if is_last(&due) {
             break;
         }
     }
     while let Some(before) = long_ago(keep.masks) {
         let due = store.expire_masks(before, BATCH).await?;
+        tell(jobs, "masks", &due);
         for id in &due {
             jobs.blobs().erase_mask(*id).await?;
         }
-        if is_last(jobs, "masks", &due) {
+        if is_last(&due) {
             break;
         }
     }
@@ -76,13 +79,17 @@ fn long_ago(time: Option<Duration>) -> Option<Timestamp> {
     time.and_then(|time| Timestamp::now().checked_sub(time).ok())
 }
 
-fn is_last(jobs: &Jobs, what: &'static str, erased: &[JobId]) -> bool {
-    for id in erased {
+fn is_last(due: &[JobId]) -> bool {
+    due.len() < BATCH as usize
+}
+
+/// Before the files go: the rows have gone already, and who stops the server now finds it written.
+fn tell(jobs: &Jobs, what: &'static str, due: &[JobId]) {
+    for id in due {
         jobs.record(&Caller::default(), Action::Expire, Some(*id), what);
     }
-    if !erased.is_empty() {
-        tracing::info!(what, count = erased.len(), "erased: kept long enough");
-        jobs.metrics().expired(what, erased.len());
+    if !due.is_empty() {
+        tracing::info!(what, count = due.len(), "erased: kept long enough");
+        jobs.metrics().expired(what, due.len());
     }
-    erased.len() < BATCH as usize
 }

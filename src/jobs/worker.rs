@@ -7,6 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
+use futures_util::FutureExt;
 use jiff::{SignedDuration, Timestamp};
 use tokio::task::{JoinHandle, spawn_blocking};
 use tokio::time::{Instant, sleep, timeout, timeout_at};
@@ -126,16 +127,15 @@ impl Drop for Alive {
 /// Runs one job after the other. While the results of one are synced to disk and its row is written, the
 /// next one runs already.
 async fn work(jobs: &Arc<Jobs>, processor: &Processor, stop: &CancellationToken) {
-    let mut ending: Option<Ending> = None;
+    let mut ending: Option<JoinHandle<()>> = None;
     while !stop.is_cancelled() {
         let now = Timestamp::now();
         match jobs.store().claim(jobs.instance().id(), now, now + LEASE).await {
             Ok(Some(claim)) => {
                 let span = info_span!("job", job = %claim.job.id, trace_id = claim.job.trace_id);
                 let ran = run(jobs, processor, claim).instrument(span.clone()).await;
-                ended(jobs, ending.take()).await;
-                let running = Arc::clone(&ran.running);
-                ending = Some((running, tokio::spawn(end(Arc::clone(jobs), ran).instrument(span))));
+                ended(ending.take()).await;
+                ending = Some(tokio::spawn(end_or_let_go(Arc::clone(jobs), ran).instrument(span)));
             }
             Ok(None) => wait(jobs, stop).await,
             Err(error) => {
@@ -144,18 +144,13 @@ async fn work(jobs: &Arc<Jobs>, processor: &Processor, stop: &CancellationToken)
             }
         }
     }
-    ended(jobs, ending).await;
+    ended(ending).await;
 }
 
-/// A job whose outcome is being written.
-type Ending = (Arc<Running>, JoinHandle<()>);
-
-async fn ended(jobs: &Jobs, ending: Option<Ending>) {
-    let Some((running, ending)) = ending else { return };
-    if let Err(error) = ending.await {
-        tracing::error!(job = %running.lease.id, %error, "a job was not ended; its lease runs out");
-        // No longer extended by the heartbeat.
-        jobs.end(&running);
+async fn ended(ending: Option<JoinHandle<()>>) {
+    if let Some(ending) = ending {
+        // It does not panic, and nobody aborts it.
+        let _ = ending.await;
     }
 }
 
@@ -188,6 +183,15 @@ async fn run(jobs: &Arc<Jobs>, processor: &Processor, claim: Claim) -> Ran {
     let outcome = run_blocking(jobs, processor, &job, &running).await;
     jobs.metrics().ran(begun.elapsed().as_secs_f64());
     Ran { running, outcome }
+}
+
+/// A job that was not ended, for a fault of ours, is no longer held: its lease runs out.
+async fn end_or_let_go(jobs: Arc<Jobs>, ran: Ran) {
+    let running = Arc::clone(&ran.running);
+    if AssertUnwindSafe(end(Arc::clone(&jobs), ran)).catch_unwind().await.is_err() {
+        tracing::error!("the job was not ended; its lease runs out");
+        jobs.end(&running);
+    }
 }
 
 /// Brings results to disk, then says that they are there.

@@ -24,10 +24,8 @@ impl CallbackStore for SqliteStore {
         )
         .bind(until.as_millisecond())
         .bind(row.try_get::<String, _>("id")?)
-        .bind(now.as_millisecond())
-        .fetch_optional(&self.writer)
-        .await?;
-        let Some(row) = claimed else { return Ok(None) };
+        .bind(now.as_millisecond());
+        let Some(row) = self.change(claimed).await? else { return Ok(None) };
         let job = rows::job(&row)?;
         let callback = job.callback.clone().ok_or_else(|| rows::corrupt("callback_url"))?;
         let tries = u32::try_from(callback.log.len()).unwrap_or(u32::MAX);

@@ -85,7 +85,7 @@ impl JobStore for SqliteStore {
     }
 
     async fn cancel(&self, id: JobId, now: Timestamp) -> Result<CancelAnswer, StoreError> {
-        let row = sqlx::query(
+        let canceled = sqlx::query(
             "UPDATE jobs SET cancel_requested = 1,
                 ended_at_ms = CASE WHEN state = 'queued' THEN CAST($1 AS BIGINT) ELSE NULL END,
                 history = CASE WHEN state = 'queued' THEN history || ' canceled@' || CAST($1 AS TEXT) ELSE history END,
@@ -96,10 +96,8 @@ impl JobStore for SqliteStore {
              WHERE id = $2 AND state IN ('queued', 'running') RETURNING state",
         )
         .bind(now.as_millisecond())
-        .bind(id.to_string())
-        .fetch_optional(&self.writer)
-        .await?;
-        match row {
+        .bind(id.to_string());
+        match self.change(canceled).await? {
             Some(row) if rows::state(&row)? == JobState::Running => Ok(CancelAnswer::Requested),
             Some(_) => Ok(CancelAnswer::Canceled),
             None => Ok(self.get(id).await?.map_or(CancelAnswer::NotFound, |job| CancelAnswer::AlreadyEnded(job.state))),

@@ -23,7 +23,11 @@ use std::time::Duration;
 use async_trait::async_trait;
 use jiff::Timestamp;
 use sqlx::migrate::{Migration, MigrationType, Migrator};
-use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
+use sqlx::query::Query;
+use sqlx::sqlite::{
+    SqliteArguments, SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteRow,
+    SqliteSynchronous,
+};
 use sqlx::{Row, SqlSafeStr, Sqlite, Transaction};
 
 use super::store::{Store, StoreError};
@@ -85,6 +89,12 @@ impl SqliteStore {
     pub async fn copy_to(&self, path: &Path) -> Result<(), StoreError> {
         sqlx::query("VACUUM INTO $1").bind(path.to_string_lossy().into_owned()).execute(&self.writer).await?;
         Ok(())
+    }
+
+    /// The row that a change returns, if it changed one. Asked for one row only, SQLite commits when it is no
+    /// longer asked, and a disk that is full then is no error that anybody sees.
+    async fn change(&self, query: Query<'_, Sqlite, SqliteArguments>) -> Result<Option<SqliteRow>, StoreError> {
+        Ok(query.fetch_all(&self.writer).await?.pop())
     }
 
     /// A transaction that holds the write lock from its first moment: one that takes it later may

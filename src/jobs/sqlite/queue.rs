@@ -34,7 +34,7 @@ impl QueueStore for SqliteStore {
 
     async fn claim(&self, instance: &str, now: Timestamp, until: Timestamp) -> Result<Option<Claim>, StoreError> {
         let token = Uuid::now_v7().hyphenated().to_string();
-        let row = sqlx::query(
+        let claimed = sqlx::query(
             "UPDATE jobs SET state = 'running', attempt = attempt + 1, lease_token = $1, lease_until_ms = $2,
                 started_at_ms = CAST($3 AS BIGINT), history = history || ' running@' || CAST($3 AS TEXT), instance = $4
              WHERE state = 'queued' AND id =
@@ -48,10 +48,8 @@ impl QueueStore for SqliteStore {
         .bind(&token)
         .bind(until.as_millisecond())
         .bind(now.as_millisecond())
-        .bind(instance)
-        .fetch_optional(&self.writer)
-        .await?;
-        let Some(row) = row else { return Ok(None) };
+        .bind(instance);
+        let Some(row) = self.change(claimed).await? else { return Ok(None) };
         let job = rows::job(&row)?;
         Ok(Some(Claim { lease: Lease { id: job.id, token }, job }))
     }
