@@ -26,10 +26,8 @@ FROM scratch
 COPY --from=build /medialrep /medialrep
 COPY --from=build --chown=65532:65532 /empty /data
 USER 65532:65532
-# The container's network decides who reaches the port: publish it to 127.0.0.1 or put a proxy that
-# asks who is there in front of it.
+# It does not start before there is a token: medialrep token create.
 ENV MEDIALREP_LISTEN=0.0.0.0:8080 \
-    MEDIALREP_ALLOW_UNAUTHENTICATED=true \
     MEDIALREP_DATA_DIR=/data \
     MEDIALREP_LOG_FORMAT=json
 VOLUME ["/data"]
