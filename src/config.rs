@@ -42,13 +42,13 @@ impl Default for ServeConfig {
             jobs: JobLimits {
                 queue: QueueLimits { jobs: 1000, bytes: 8 << 30, share_percent: 50 },
                 min_free_bytes: 512 << 20,
-                max_uploads: 64,
                 max_requests: 512,
                 max_run: Duration::from_secs(1800),
                 upload: UploadLimits {
                     max_bytes: 512 << 20,
                     idle: Duration::from_secs(30),
                     total: Duration::from_secs(900),
+                    bytes_per_second: 1024,
                 },
                 input: InputLimits::default(),
                 keep: Retention { jobs: days(30), masks: days(1), results: days(7) },

@@ -64,8 +64,6 @@ pub struct Now {
     pub running: u64,
     /// Workers of this process.
     pub workers: u64,
-    /// Uploads under way.
-    pub uploads: u64,
     /// Room left on the disk, bytes.
     pub disk_free_bytes: u64,
     /// Room below which nothing is taken in, bytes.
@@ -92,7 +90,6 @@ pub struct Metrics {
     oldest_queued: Fraction,
     running: Gauge,
     workers: Gauge,
-    uploads: Gauge,
     disk_free: Gauge,
     disk_min_free: Gauge,
 }
@@ -120,7 +117,6 @@ impl Metrics {
             oldest_queued: Fraction::default(),
             running: Gauge::default(),
             workers: Gauge::default(),
-            uploads: Gauge::default(),
             disk_free: Gauge::default(),
             disk_min_free: Gauge::default(),
         };
@@ -153,7 +149,6 @@ impl Metrics {
         all.register_with_unit("jobs_queued_oldest", oldest, Unit::Seconds, self.oldest_queued.clone());
         all.register("jobs_running", "Jobs that run in this process", self.running.clone());
         all.register("workers", "Workers alive in this process", self.workers.clone());
-        all.register("uploads", "Uploads under way", self.uploads.clone());
         all.register_with_unit("disk_free", "Room left for files", Unit::Bytes, self.disk_free.clone());
         let low = "Room below which nothing is taken in";
         all.register_with_unit("disk_min_free", low, Unit::Bytes, self.disk_min_free.clone());
@@ -231,7 +226,6 @@ impl Metrics {
         self.oldest_queued.set(now.oldest_queued_seconds);
         set(&self.running, now.running);
         set(&self.workers, now.workers);
-        set(&self.uploads, now.uploads);
         set(&self.disk_free, now.disk_free_bytes);
         set(&self.disk_min_free, now.disk_min_free_bytes);
         let mut text = String::new();

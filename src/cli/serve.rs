@@ -92,10 +92,6 @@ struct LimitArgs {
     #[arg(long, env = "MEDIALREP_MAX_CONNECTIONS", default_value_t = 4096, value_name = "COUNT")]
     max_connections: usize,
 
-    /// Uploads at the same time; more are answered with 503.
-    #[arg(long, env = "MEDIALREP_MAX_UPLOADS", default_value_t = 64, value_name = "COUNT")]
-    max_uploads: usize,
-
     /// Largest upload, MiB as sent.
     #[arg(long, env = "MEDIALREP_MAX_UPLOAD_MIB", default_value_t = 512, value_name = "MIB",
           value_parser = clap::value_parser!(u64).range(1..=65536))]
@@ -108,6 +104,10 @@ struct LimitArgs {
     /// Longest upload, seconds.
     #[arg(long, env = "MEDIALREP_UPLOAD_SECONDS", default_value_t = 900, value_name = "SECONDS")]
     upload_seconds: u64,
+
+    /// Slowest upload, bytes a second, told from its first ten seconds on: who drips holds a place for no longer.
+    #[arg(long, env = "MEDIALREP_UPLOAD_BYTES_PER_SECOND", default_value_t = 1024, value_name = "COUNT")]
+    upload_bytes_per_second: u64,
 
     /// Longest time for the headers of a request, and for silence between two, seconds; then the connection is closed.
     #[arg(long, env = "MEDIALREP_HEADER_SECONDS", default_value_t = 15, value_name = "SECONDS")]
@@ -219,13 +219,13 @@ impl ServeArgs {
                     share_percent: limits.tenant_share_percent,
                 },
                 min_free_bytes: mib(limits.min_free_mib),
-                max_uploads: limits.max_uploads,
                 max_requests: limits.max_open_requests,
                 max_run: Duration::from_secs(limits.max_run_seconds),
                 upload: UploadLimits {
                     max_bytes: mib(limits.max_upload_mib),
                     idle: Duration::from_secs(limits.upload_idle_seconds),
                     total: Duration::from_secs(limits.upload_seconds),
+                    bytes_per_second: limits.upload_bytes_per_second,
                 },
                 input: InputLimits { max_voxels: limits.max_voxels, ..defaults.jobs.input },
                 keep: Retention { jobs: keep.keep_jobs.0, masks: keep.keep_masks.0, results: keep.keep_results.0 },

@@ -82,9 +82,6 @@ impl From<JobsError> for ApiError {
 /// What may be better later, and what is our fault.
 fn no_room(error: JobsError) -> ApiError {
     match error {
-        JobsError::TooManyUploads => {
-            busy("too_many_uploads", "as many uploads are under way as this server takes at once")
-        }
         JobsError::Store(StoreError::QueueFull) => busy("queue_full", "as many jobs wait as this server lets wait"),
         JobsError::Store(StoreError::ShareFull) => {
             Problem::new(429, "queue_share_full", "as many jobs of this tenant wait as it may have waiting")

@@ -73,7 +73,7 @@ const IDEMPOTENT_REPLAYED: HeaderName = HeaderName::from_static("idempotent-repl
         (status = 415, body = Problem, content_type = PROBLEM_JSON, description = "`not_nifti`, `two_file_nifti`, `content_encoding`"),
         (status = 422, body = Problem, content_type = PROBLEM_JSON, description = "`invalid_params`, `invalid_labels`, `callback_not_allowed`, `idempotency_key_reused`, and what in the file's header cannot be worked on"),
         (status = 429, body = Problem, content_type = PROBLEM_JSON, description = "`queue_share_full`, `too_many_requests`; Retry-After says when to try again"),
-        (status = 503, body = Problem, content_type = PROBLEM_JSON, description = "`queue_full`, `too_many_uploads`; Retry-After says when to try again"),
+        (status = 503, body = Problem, content_type = PROBLEM_JSON, description = "`queue_full`; Retry-After says when to try again"),
         (status = 507, body = Problem, content_type = PROBLEM_JSON, description = "`storage_full`, `storage_low`")
     )
 )]

@@ -67,7 +67,7 @@ pub async fn receive(
             asked.set(jobs, name, text.as_bytes())?;
         }
     }
-    let _place = jobs.admit(caller, length, idempotency_key.as_deref()).await?;
+    jobs.admit(caller, length, idempotency_key.as_deref()).await?;
     let upload = if is_form {
         let understood = Arc::new(AtomicU64::new(0));
         let form = Multipart::from_request(bounded(request, Arc::clone(&understood)), &()).await;

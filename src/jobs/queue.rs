@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use jiff::Timestamp;
-use tokio::sync::{Notify, Semaphore};
+use tokio::sync::Notify;
 use tokio::task::{JoinError, spawn_blocking};
 use tokio::time::{Instant, timeout, timeout_at};
 use tokio_util::sync::CancellationToken;
@@ -40,9 +40,7 @@ pub struct JobLimits {
     pub queue: QueueLimits,
     /// Room on the disk below which nothing is taken in, bytes.
     pub min_free_bytes: u64,
-    /// Uploads at the same time.
-    pub max_uploads: usize,
-    /// Requests of one tenant at the same time.
+    /// Requests of one tenant at the same time; who is not known is many.
     pub max_requests: usize,
     /// Longest run of a job.
     pub max_run: Duration,
@@ -95,9 +93,6 @@ pub enum JobsError {
     /// The disk has less room than is to be left free.
     #[error("the disk is nearly full")]
     StorageLow,
-    /// As many uploads are under way as may be.
-    #[error("too many uploads")]
-    TooManyUploads,
     /// The file was refused.
     #[error("{}", .0.code)]
     Refused(Box<Problem>),
@@ -165,7 +160,6 @@ pub struct Jobs {
     wake_callbacks: Notify,
     workers_alive: AtomicUsize,
     requests: Arc<OpenRequests>,
-    uploads: Semaphore,
     closing: CancellationToken,
     audit: Audit,
     metrics: Metrics,
@@ -194,7 +188,6 @@ impl Jobs {
             wake_callbacks: Notify::new(),
             workers_alive: AtomicUsize::new(0),
             requests: Arc::default(),
-            uploads: Semaphore::new(limits.max_uploads),
             closing: CancellationToken::new(),
             audit: Audit::open(&super::audit_path(data_dir))?,
             metrics: Metrics::new(),
@@ -252,7 +245,6 @@ impl Jobs {
             oldest_queued_seconds: waited.max(0.0),
             running: self.running_jobs().len() as u64,
             workers: self.workers_alive.load(Ordering::Relaxed) as u64,
-            uploads: (self.limits.max_uploads - self.uploads.available_permits()) as u64,
             disk_free_bytes: self.blobs.free_bytes()?,
             disk_min_free_bytes: self.limits.min_free_bytes,
         })
@@ -273,7 +265,8 @@ impl Jobs {
     /// Counts a request of a tenant while it is open; `None` when it has too many.
     #[must_use]
     pub fn open_request(&self, tenant: &str) -> Option<OpenRequest> {
-        self.requests.open(tenant, self.limits.max_requests)
+        let limit = if tenant.is_empty() { usize::MAX } else { self.limits.max_requests };
+        self.requests.open(tenant, limit)
     }
 
     /// One job.
@@ -508,10 +501,6 @@ impl Jobs {
     pub(super) fn queue_limits(&self, tenant: &str) -> QueueLimits {
         let share_percent = if tenant.is_empty() { 100 } else { self.limits.queue.share_percent };
         QueueLimits { share_percent, ..self.limits.queue }
-    }
-
-    pub(super) fn uploads(&self) -> &Semaphore {
-        &self.uploads
     }
 
     /// A job of the caller's; another tenant's is as good as none.

@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use jiff::Timestamp;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
-use tokio::sync::SemaphorePermit;
 use tokio::task::spawn_blocking;
 use uuid::Uuid;
 
@@ -77,14 +76,8 @@ impl Jobs {
     /// for it. A request whose key is known needs none.
     ///
     /// # Errors
-    /// When the queue, the caller's share of it or the disk is full, or too many upload already.
-    pub async fn admit(
-        &self,
-        caller: &Caller,
-        bytes: u64,
-        key: Option<&str>,
-    ) -> Result<SemaphorePermit<'_>, JobsError> {
-        let place = self.uploads().try_acquire().map_err(|_| JobsError::TooManyUploads)?;
+    /// When the queue, the caller's share of it or the disk is full.
+    pub async fn admit(&self, caller: &Caller, bytes: u64, key: Option<&str>) -> Result<(), JobsError> {
         let is_known = match key {
             Some(key) => self.store().find_key(&caller.tenant, key).await?.is_some(),
             None => false,
@@ -92,8 +85,7 @@ impl Jobs {
         if !is_known {
             self.queue_limits(&caller.tenant).check(&self.store().load(&caller.tenant).await?, bytes)?;
         }
-        self.check_disk(bytes)?;
-        Ok(place)
+        self.check_disk(bytes)
     }
 
     /// Accepts a mask. On return the job is on disk and survives the loss of power.

@@ -35,7 +35,12 @@ pub struct UploadLimits {
     pub idle: Duration,
     /// Longest time for the whole.
     pub total: Duration,
+    /// Slowest pace, once [`PATIENCE`] is over.
+    pub bytes_per_second: u64,
 }
+
+/// How long an upload may be slower than its slowest pace: a mask may be small and a line slow to begin.
+const PATIENCE: Duration = Duration::from_secs(10);
 
 /// Why an upload was refused.
 #[derive(Debug, thiserror::Error)]
@@ -94,9 +99,13 @@ where
     let (file, path) = blobs.begin_upload()?.into_parts();
     let mut file = tokio::fs::File::from_std(file);
     let mut progress = Incoming::default();
-    let deadline = Instant::now() + limits.total;
-    while let Some(chunk) = next_chunk(body, limits.idle, deadline).await? {
+    let begun = Instant::now();
+    while let Some(chunk) = next_chunk(body, limits.idle, begun + limits.total).await? {
         progress.take(&chunk, limits.max_bytes)?;
+        let took = begun.elapsed();
+        if took > PATIENCE && progress.bytes < limits.bytes_per_second.saturating_mul(took.as_secs()) {
+            return Err(UploadError::TooSlow);
+        }
         file.write_all(&chunk).await?;
     }
     let mask = progress.finish()?;

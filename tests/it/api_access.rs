@@ -142,15 +142,17 @@ async fn a_tenant_may_have_so_many_requests_open() {
     let mut limits = crate::support::limits();
     limits.max_requests = 3;
     let server = Server::open_with(tempfile::TempDir::new().unwrap(), limits, None).await;
-    let job = server.submit().await;
+    let own = token(&server, "one", &[Scope::Read, Scope::Write]).await;
+    let other = token(&server, "other", &[Scope::Read]).await;
+    let job = call(&server, &own, Method::POST, "/v1/jobs").await.header("location").to_owned();
     let mut open = Vec::new();
     for _ in 0..3 {
-        open.push(server.begin(&format!("{job}/events")).await);
+        open.push(server.begin(&format!("{job}/events"), &own).await);
     }
-    let answer = server.get(&job).await;
-    answer.is_problem(429, "too_many_requests");
+    call(&server, &own, Method::GET, &job).await.is_problem(429, "too_many_requests");
+    assert_eq!(call(&server, &other, Method::GET, "/v1/jobs").await.status, 200);
     drop(open);
-    assert_eq!(server.get(&job).await.status, 200);
+    assert_eq!(call(&server, &own, Method::GET, &job).await.status, 200);
 }
 
 #[tokio::test]

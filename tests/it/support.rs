@@ -91,8 +91,8 @@ impl Server {
     }
 
     /// The head of an answer whose body goes on until this is dropped.
-    pub async fn begin(&self, path: &str) -> axum::response::Response {
-        let request = Request::get(path).body(Body::empty()).unwrap();
+    pub async fn begin(&self, path: &str, token: &str) -> axum::response::Response {
+        let request = Request::get(path).header("authorization", token).body(Body::empty()).unwrap();
         self.router.clone().oneshot(request).await.unwrap()
     }
 
