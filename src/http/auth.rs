@@ -32,6 +32,23 @@ pub struct Access {
     pub is_local: bool,
 }
 
+/// What every route may answer that asks who is there; only described, never made.
+#[derive(utoipa::IntoResponses)]
+pub enum TokenProblems {
+    /// `token_missing`, `token_invalid`
+    #[response(status = 401, content_type = "application/problem+json")]
+    Unknown(Problem),
+    /// `scope_missing`, `foreign_host`, `foreign_origin`
+    #[response(status = 403, content_type = "application/problem+json")]
+    Forbidden(Problem),
+}
+
+/// `too_many_requests`
+#[derive(utoipa::IntoResponses)]
+#[response(status = 429, content_type = "application/problem+json")]
+#[expect(dead_code, reason = "describes an answer, is none")]
+pub struct TooManyRequests(Problem);
+
 /// A scope as a type.
 pub trait Needs: Send {
     /// It.

@@ -14,7 +14,7 @@ use serde::Serialize;
 use tokio::sync::watch;
 use tokio::time::{Instant, timeout};
 
-use super::auth::{Allowed, Read};
+use super::auth::{Allowed, Read, TokenProblems, TooManyRequests};
 use super::error::{ApiError, PROBLEM_JSON};
 use super::extract::JobPath;
 use super::view::ProgressView;
@@ -57,10 +57,9 @@ pub struct StateEvent {
     responses(
         (status = 200, body = String, content_type = "text/event-stream", description = "The events"),
         (status = 204, description = "The job has ended and the client has all events"),
-        (status = 401, body = Problem, content_type = PROBLEM_JSON, description = "`token_missing`, `token_invalid`"),
-        (status = 403, body = Problem, content_type = PROBLEM_JSON, description = "`scope_missing`, `foreign_host`, `foreign_origin`"),
-        (status = 404, body = Problem, content_type = PROBLEM_JSON, description = "`no_such_job`"),
-        (status = 429, body = Problem, content_type = PROBLEM_JSON, description = "`too_many_requests`")
+        TokenProblems,
+        TooManyRequests,
+        (status = 404, body = Problem, content_type = PROBLEM_JSON, description = "`no_such_job`")
     )
 )]
 pub async fn events(

@@ -12,7 +12,7 @@ use serde::Deserialize;
 use sha2::{Digest, Sha256};
 use utoipa::IntoParams;
 
-use super::auth::{Allowed, Read, Write};
+use super::auth::{Allowed, Read, TokenProblems, TooManyRequests, Write};
 use super::error::{ApiError, PROBLEM_JSON};
 use super::extract::{JobPath, StrictQuery};
 use super::params_schema::{BytesSchema, FormSchema, SubmitQuery};
@@ -66,8 +66,7 @@ const IDEMPOTENT_REPLAYED: HeaderName = HeaderName::from_static("idempotent-repl
             ("Idempotent-Replayed" = String, description = "`true` when the key was known")
         )),
         (status = 400, body = Problem, content_type = PROBLEM_JSON, description = "`empty_upload`, `upload_interrupted`, `invalid_multipart`, `invalid_query`, `invalid_idempotency_key`, `malformed_params`, and what is malformed in the file's header"),
-        (status = 401, body = Problem, content_type = PROBLEM_JSON, description = "`token_missing`, `token_invalid`"),
-        (status = 403, body = Problem, content_type = PROBLEM_JSON, description = "`scope_missing`, `foreign_host`, `foreign_origin`"),
+        TokenProblems,
         (status = 408, body = Problem, content_type = PROBLEM_JSON, description = "`upload_too_slow`"),
         (status = 413, body = Problem, content_type = PROBLEM_JSON, description = "`upload_too_large`, `too_many_voxels`"),
         (status = 415, body = Problem, content_type = PROBLEM_JSON, description = "`not_nifti`, `two_file_nifti`, `content_encoding`"),
@@ -141,9 +140,8 @@ pub struct ListParams {
     responses(
         (status = 200, body = JobList, description = "A page of jobs", headers(("Link" = String, description = "`rel=\"next\"` when there are more"))),
         (status = 400, body = Problem, content_type = PROBLEM_JSON, description = "`invalid_query`"),
-        (status = 401, body = Problem, content_type = PROBLEM_JSON, description = "`token_missing`, `token_invalid`"),
-        (status = 403, body = Problem, content_type = PROBLEM_JSON, description = "`scope_missing`, `foreign_host`, `foreign_origin`"),
-        (status = 429, body = Problem, content_type = PROBLEM_JSON, description = "`too_many_requests`")
+        TokenProblems,
+        TooManyRequests
     )
 )]
 pub async fn list(
@@ -229,10 +227,9 @@ pub struct StatusQuery {
         (status = 200, body = JobView, description = "The job", headers(("ETag" = String, description = "Changes with the answer"))),
         (status = 304, description = "Nothing has changed since the ETag"),
         (status = 400, body = Problem, content_type = PROBLEM_JSON, description = "`invalid_query`"),
-        (status = 401, body = Problem, content_type = PROBLEM_JSON, description = "`token_missing`, `token_invalid`"),
-        (status = 403, body = Problem, content_type = PROBLEM_JSON, description = "`scope_missing`, `foreign_host`, `foreign_origin`"),
-        (status = 404, body = Problem, content_type = PROBLEM_JSON, description = "`no_such_job`"),
-        (status = 429, body = Problem, content_type = PROBLEM_JSON, description = "`too_many_requests`")
+        TokenProblems,
+        TooManyRequests,
+        (status = 404, body = Problem, content_type = PROBLEM_JSON, description = "`no_such_job`")
     )
 )]
 pub async fn status(
@@ -263,10 +260,9 @@ pub async fn status(
     params(("id" = String, Path, description = "The job's id", format = "uuid")),
     responses(
         (status = 204, description = "Nothing of it is left"),
-        (status = 401, body = Problem, content_type = PROBLEM_JSON, description = "`token_missing`, `token_invalid`"),
-        (status = 403, body = Problem, content_type = PROBLEM_JSON, description = "`scope_missing`, `foreign_host`, `foreign_origin`"),
-        (status = 404, body = Problem, content_type = PROBLEM_JSON, description = "`no_such_job`"),
-        (status = 429, body = Problem, content_type = PROBLEM_JSON, description = "`too_many_requests`")
+        TokenProblems,
+        TooManyRequests,
+        (status = 404, body = Problem, content_type = PROBLEM_JSON, description = "`no_such_job`")
     )
 )]
 pub async fn delete(
@@ -284,11 +280,10 @@ pub async fn delete(
     params(("id" = String, Path, description = "The job's id", format = "uuid")),
     responses(
         (status = 202, body = JobView, description = "The job, canceled or about to be"),
-        (status = 401, body = Problem, content_type = PROBLEM_JSON, description = "`token_missing`, `token_invalid`"),
-        (status = 403, body = Problem, content_type = PROBLEM_JSON, description = "`scope_missing`, `foreign_host`, `foreign_origin`"),
+        TokenProblems,
+        TooManyRequests,
         (status = 404, body = Problem, content_type = PROBLEM_JSON, description = "`no_such_job`"),
-        (status = 409, body = Problem, content_type = PROBLEM_JSON, description = "`job_ended`"),
-        (status = 429, body = Problem, content_type = PROBLEM_JSON, description = "`too_many_requests`")
+        (status = 409, body = Problem, content_type = PROBLEM_JSON, description = "`job_ended`")
     )
 )]
 pub async fn cancel(
@@ -306,8 +301,7 @@ pub async fn cancel(
     params(("id" = String, Path, description = "The job's id", format = "uuid")),
     responses(
         (status = 202, body = JobView, description = "The job, waiting again"),
-        (status = 401, body = Problem, content_type = PROBLEM_JSON, description = "`token_missing`, `token_invalid`"),
-        (status = 403, body = Problem, content_type = PROBLEM_JSON, description = "`scope_missing`, `foreign_host`, `foreign_origin`"),
+        TokenProblems,
         (status = 404, body = Problem, content_type = PROBLEM_JSON, description = "`no_such_job`"),
         (status = 409, body = Problem, content_type = PROBLEM_JSON, description = "`not_retryable`, `mask_erased`"),
         (status = 429, body = Problem, content_type = PROBLEM_JSON, description = "`queue_share_full`, `too_many_requests`"),

@@ -8,7 +8,7 @@ use axum::http::header::CONTENT_TYPE;
 use axum::response::IntoResponse;
 use serde::Serialize;
 
-use super::auth::{Allowed, Watch};
+use super::auth::{Allowed, TokenProblems, TooManyRequests, Watch};
 use super::error::{ApiError, PROBLEM_JSON};
 use crate::jobs::queue::Jobs;
 use crate::problem::Problem;
@@ -89,9 +89,8 @@ pub async fn readyz(State(jobs): State<Arc<Jobs>>) -> Result<Json<Health>, ApiEr
     get, path = "/metrics", tag = "operation",
     responses(
         (status = 200, body = String, content_type = "application/openmetrics-text", description = "The metrics of this process"),
-        (status = 401, body = Problem, content_type = PROBLEM_JSON, description = "`token_missing`, `token_invalid`"),
-        (status = 403, body = Problem, content_type = PROBLEM_JSON, description = "`scope_missing`, `foreign_host`, `foreign_origin`"),
-        (status = 429, body = Problem, content_type = PROBLEM_JSON, description = "`too_many_requests`")
+        TokenProblems,
+        TooManyRequests
     )
 )]
 pub async fn metrics(State(jobs): State<Arc<Jobs>>, _allowed: Allowed<Watch>) -> Result<impl IntoResponse, ApiError> {

@@ -12,7 +12,7 @@ use axum::http::header::{
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Response, StatusCode};
 use axum::response::IntoResponse;
 
-use super::auth::{Allowed, Read};
+use super::auth::{Allowed, Read, TokenProblems, TooManyRequests};
 use super::error::{ApiError, PROBLEM_JSON};
 use super::extract::{JobPath, ResultPath};
 use super::params_schema::BytesSchema;
@@ -37,11 +37,10 @@ use crate::problem::Problem;
         ), headers(("ETag" = String, description = "The content's SHA-256"))),
         (status = 206, description = "The range asked for"),
         (status = 304, description = "The client has it"),
-        (status = 401, body = Problem, content_type = PROBLEM_JSON, description = "`token_missing`, `token_invalid`"),
-        (status = 403, body = Problem, content_type = PROBLEM_JSON, description = "`scope_missing`, `foreign_host`, `foreign_origin`"),
+        TokenProblems,
+        TooManyRequests,
         (status = 404, body = Problem, content_type = PROBLEM_JSON, description = "`no_such_job`, `no_such_result`"),
         (status = 410, body = Problem, content_type = PROBLEM_JSON, description = "`results_erased`"),
-        (status = 429, body = Problem, content_type = PROBLEM_JSON, description = "`too_many_requests`"),
         (status = 500, body = Problem, content_type = PROBLEM_JSON, description = "`result_damaged`, `internal`"),
         (status = 416, body = Problem, content_type = PROBLEM_JSON, description = "`range_not_satisfiable`")
     )
@@ -68,12 +67,11 @@ pub async fn result(
     ),
     responses(
         (status = 303, description = "Where it is", headers(("Location" = String, description = "The file"))),
-        (status = 401, body = Problem, content_type = PROBLEM_JSON, description = "`token_missing`, `token_invalid`"),
-        (status = 403, body = Problem, content_type = PROBLEM_JSON, description = "`scope_missing`, `foreign_host`, `foreign_origin`"),
+        TokenProblems,
+        TooManyRequests,
         (status = 404, body = Problem, content_type = PROBLEM_JSON, description = "`no_such_job`, `no_such_result`"),
         (status = 406, body = Problem, content_type = PROBLEM_JSON, description = "`not_acceptable`"),
-        (status = 410, body = Problem, content_type = PROBLEM_JSON, description = "`results_erased`"),
-        (status = 429, body = Problem, content_type = PROBLEM_JSON, description = "`too_many_requests`")
+        (status = 410, body = Problem, content_type = PROBLEM_JSON, description = "`results_erased`")
     )
 )]
 pub async fn pick(

@@ -38,37 +38,54 @@ pub(super) async fn keep(jobs: Arc<Jobs>) {
     }
 }
 
+/// What is erased by itself.
+#[derive(Clone, Copy)]
+enum What {
+    Jobs,
+    Results,
+    Masks,
+}
+
+impl What {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Jobs => "jobs",
+            Self::Results => "results",
+            Self::Masks => "masks",
+        }
+    }
+
+    async fn mark(self, jobs: &Jobs, before: Timestamp) -> Result<Vec<JobId>, JobsError> {
+        let store = jobs.store();
+        Ok(match self {
+            Self::Jobs => store.expire_jobs(before, BATCH).await?,
+            Self::Results => store.expire_results(before, BATCH).await?,
+            Self::Masks => store.expire_masks(before, BATCH).await?,
+        })
+    }
+
+    async fn erase(self, jobs: &Jobs, id: JobId) -> Result<(), JobsError> {
+        let blobs = jobs.blobs();
+        Ok(match self {
+            Self::Jobs => blobs.erase(id).await?,
+            Self::Results => blobs.erase_results(id).await?,
+            Self::Masks => blobs.erase_mask(id).await?,
+        })
+    }
+}
+
 async fn erase_due(jobs: &Jobs) -> Result<(), JobsError> {
     let keep = jobs.limits().keep;
-    let store = jobs.store();
-    while let Some(before) = long_ago(keep.jobs) {
-        let due = store.expire_jobs(before, BATCH).await?;
-        tell(jobs, "jobs", &due);
-        for id in &due {
-            jobs.blobs().erase(*id).await?;
-        }
-        if is_last(&due) {
-            break;
-        }
-    }
-    while let Some(before) = long_ago(keep.results) {
-        let due = store.expire_results(before, BATCH).await?;
-        tell(jobs, "results", &due);
-        for id in &due {
-            jobs.blobs().erase_results(*id).await?;
-        }
-        if is_last(&due) {
-            break;
-        }
-    }
-    while let Some(before) = long_ago(keep.masks) {
-        let due = store.expire_masks(before, BATCH).await?;
-        tell(jobs, "masks", &due);
-        for id in &due {
-            jobs.blobs().erase_mask(*id).await?;
-        }
-        if is_last(&due) {
-            break;
+    for (what, time) in [(What::Jobs, keep.jobs), (What::Results, keep.results), (What::Masks, keep.masks)] {
+        while let Some(before) = long_ago(time) {
+            let due = what.mark(jobs, before).await?;
+            tell(jobs, what.name(), &due);
+            for id in &due {
+                what.erase(jobs, *id).await?;
+            }
+            if due.len() < BATCH as usize {
+                break;
+            }
         }
     }
     Ok(())
@@ -77,10 +94,6 @@ async fn erase_due(jobs: &Jobs) -> Result<(), JobsError> {
 /// What ended before this has been kept for `time`; `None` is for ever.
 fn long_ago(time: Option<Duration>) -> Option<Timestamp> {
     time.and_then(|time| Timestamp::now().checked_sub(time).ok())
-}
-
-fn is_last(due: &[JobId]) -> bool {
-    due.len() < BATCH as usize
 }
 
 /// Before the files go: the rows have gone already, and who stops the server now finds it written.
