@@ -430,7 +430,7 @@ fn result_key(id: JobId, token: &str, name: &str) -> Key {
     Key::from_iter([RESULTS, &id.to_string(), token, name])
 }
 
-/// Drafts are named like their key, then `#` and a number.
+/// Drafts are named like their key, then `#` and a number. Folders that are empty go too.
 fn sweep_drafts(folder: &Path, latest: SystemTime, swept: &mut usize) -> io::Result<()> {
     let entries = match fs::read_dir(folder) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
@@ -442,6 +442,8 @@ fn sweep_drafts(folder: &Path, latest: SystemTime, swept: &mut usize) -> io::Res
         let number = name.to_str().and_then(|name| name.rsplit_once('#')).map(|(_, number)| number);
         if about.is_dir() {
             sweep_drafts(&entry.path(), latest, swept)?;
+            // Goes when it is empty. Whoever is about to write into it makes it anew.
+            let _ = fs::remove_dir(entry.path());
         } else if number.is_some_and(|n| n.bytes().all(|b| b.is_ascii_digit())) && about.modified()? <= latest {
             gone(fs::remove_file(entry.path()))?;
             *swept += 1;

@@ -82,11 +82,14 @@ async fn files_that_no_job_names_are_swept() {
     let attempt = dir.path().join("results").join(id_of(&done)).join("an-attempt-that-was-fenced-off");
     std::fs::create_dir_all(&attempt).unwrap();
     std::fs::write(attempt.join("model.glb"), b"x").unwrap();
+    let empty = attempt.with_file_name("an-attempt-that-had-only-begun");
+    std::fs::create_dir(&empty).unwrap();
     let server = Server::open(dir).await;
     let mut left = server.files();
     left.sort();
     kept.sort();
     assert_eq!(left, kept);
+    assert!(!attempt.exists() && !empty.exists());
     assert_eq!(server.get(&format!("{done}/results/model.glb")).await.status, 200);
 }
 
