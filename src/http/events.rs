@@ -42,6 +42,22 @@ pub struct StateEvent {
     at: String,
 }
 
+/// One of the events of a stream.
+#[derive(utoipa::ToSchema)]
+#[expect(dead_code, reason = "describes what is written as text")]
+pub struct JobEvent {
+    /// `state`, `progress` or `gone`.
+    event: String,
+    /// Number of a state.
+    #[schema(nullable = false)]
+    id: Option<String>,
+    /// JSON: a StateEvent, a Progress, or an empty object.
+    data: String,
+    /// Milliseconds until a client that was cut off should come back.
+    #[schema(nullable = false)]
+    retry: Option<u32>,
+}
+
 /// What happens to a job, as it happens.
 ///
 /// Server-sent events. `event: state` has an `id` and the data of StateEvent; a client that comes
@@ -55,7 +71,7 @@ pub struct StateEvent {
         ("Last-Event-ID" = Option<String>, Header, description = "Number of the last state that the client has")
     ),
     responses(
-        (status = 200, body = String, content_type = "text/event-stream", description = "The events"),
+        (status = 200, body = JobEvent, content_type = "text/event-stream", description = "The events, each as described"),
         (status = 204, description = "The job has ended and the client has all events"),
         TokenProblems,
         TooManyRequests,
