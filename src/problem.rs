@@ -8,6 +8,12 @@ use crate::pipeline::refusal::Refusal;
 
 /// A problem object (RFC 9457) with a stable code, a place and a hint.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+#[schema(example = json!({
+    "type": "urn:medialrep:problem:bad_dimensions", "title": "Bad dimensions", "status": 400, "code": "bad_dimensions",
+    "detail": "dimension 1 is -3, allowed is 1 to 32767", "location": "header.dim[1]",
+    "hint": "write the file again with the right header", "retryable": false,
+    "trace_id": "0af7651916cd43dd8448eb211c80319c"
+}))]
 pub struct Problem {
     /// `urn:medialrep:problem:` and the code.
     #[serde(rename = "type")]

@@ -14,8 +14,8 @@ use crate::problem::Problem;
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; \
                       connect-src 'self'; frame-ancestors 'none'";
 
-/// The page.
-#[utoipa::path(get, path = "/docs", tag = "operation", responses((status = 303, description = "To /docs/index.html")))]
+/// This description as a page.
+#[utoipa::path(get, path = "/docs", tag = "operation", security(()), responses((status = 303, description = "To /docs/index.html")))]
 pub async fn page() -> Redirect {
     Redirect::to("/docs/index.html")
 }

@@ -68,7 +68,7 @@ pub struct RetentionView {
 }
 
 /// What bounds requests, and how long what is kept.
-#[utoipa::path(get, path = "/v1/limits", tag = "operation", responses((status = 200, body = Limits, description = "The limits of this server")))]
+#[utoipa::path(get, path = "/v1/limits", tag = "operation", security(()), responses((status = 200, body = Limits, description = "The limits of this server")))]
 pub async fn limits(State(jobs): State<Arc<Jobs>>) -> Json<Limits> {
     let limits = jobs.limits();
     let seconds = |time: Option<Duration>| time.map(|time| time.as_secs());

@@ -51,13 +51,13 @@ impl Health {
 }
 
 /// What is where.
-#[utoipa::path(get, path = "/", tag = "operation", responses((status = 200, body = String, content_type = "text/plain", description = "A short text")))]
+#[utoipa::path(get, path = "/", tag = "operation", security(()), responses((status = 200, body = String, content_type = "text/plain", description = "A short text")))]
 pub async fn index() -> &'static str {
     INDEX
 }
 
 /// Whether the process runs.
-#[utoipa::path(get, path = "/livez", tag = "operation", responses((status = 200, body = Health, description = "It runs")))]
+#[utoipa::path(get, path = "/livez", tag = "operation", security(()), responses((status = 200, body = Health, description = "It runs")))]
 pub async fn livez() -> Json<Health> {
     Json(Health::new("alive"))
 }
@@ -65,7 +65,7 @@ pub async fn livez() -> Json<Health> {
 /// Whether the service can do its work: the database and the data directory take a write, workers
 /// are alive, and it is not about to stop.
 #[utoipa::path(
-    get, path = "/readyz", tag = "operation",
+    get, path = "/readyz", tag = "operation", security(()),
     responses(
         (status = 200, body = Health, description = "It can"),
         (status = 503, body = Problem, content_type = PROBLEM_JSON, description = "`not_ready`")
@@ -100,7 +100,7 @@ pub async fn metrics(State(jobs): State<Arc<Jobs>>, _allowed: Allowed<Watch>) ->
 
 /// This description.
 #[utoipa::path(
-    get, path = "/openapi.yaml", tag = "operation",
+    get, path = "/openapi.yaml", tag = "operation", security(()),
     responses((status = 200, body = String, content_type = "application/yaml", description = "OpenAPI 3.1"))
 )]
 pub async fn openapi() -> impl IntoResponse {

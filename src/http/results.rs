@@ -57,7 +57,9 @@ pub async fn result(
     Ok(answer)
 }
 
-/// The result in the media type asked for: 303 to `model.glb` (`model/gltf-binary`), `thickness.json`
+/// The result in the media type asked for.
+///
+/// 303 to `model.glb` (`model/gltf-binary`), `thickness.json`
 /// (`application/json`, and when anything will do) or `thickness.csv` (`text/csv`).
 #[utoipa::path(
     get, path = "/v1/jobs/{id}/result", tag = "jobs",

@@ -13,7 +13,21 @@ use crate::problem::Problem;
 
 /// A job.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
-#[schema(as = Job)]
+#[schema(as = Job, example = json!({
+    "id": "01a20604-b92d-731c-9b47-f6692d322739", "state": "running",
+    "progress": {"stage": "isomap", "fraction": 0.55, "structure": 0, "structures": 1},
+    "queue_position": null, "attempt": 1, "cancel_requested": false,
+    "created_at": "2026-11-23T01:28:22.573Z", "started_at": "2026-11-23T01:28:22.58Z", "ended_at": null,
+    "error": null, "warnings": [], "results": [], "params": {"grid": "auto"},
+    "mask": {"sha256": "cc9fa289c4879f5d12a020127b7478dadbc4a638e38bc60b672d94b733d703a4", "bytes": 2310},
+    "mask_erased": false, "results_erased": false, "reused": false, "labels": {"study": "liver-07"},
+    "callback": null, "trace_id": "0af7651916cd43dd8448eb211c80319c",
+    "links": {
+        "self": "/v1/jobs/01a20604-b92d-731c-9b47-f6692d322739",
+        "events": "/v1/jobs/01a20604-b92d-731c-9b47-f6692d322739/events",
+        "cancel": "/v1/jobs/01a20604-b92d-731c-9b47-f6692d322739/cancel", "retry": null
+    }
+}))]
 pub struct JobView {
     /// UUIDv7; ids ascend in order of arrival.
     #[schema(format = "uuid")]
@@ -39,7 +53,11 @@ pub struct JobView {
     /// When it ended, RFC 3339.
     #[schema(required, format = DateTime)]
     ended_at: Option<String>,
-    /// Why it failed; null unless failed.
+    /// Why it failed; null unless failed. Codes: of the file `truncated`, `corrupt_gzip`, `bad_checksum`,
+    /// `trailing_data`, `decompressed_too_large`, `not_a_label_map`, `too_many_labels`; of its labels `empty_mask`,
+    /// `label_missing`; of the shapes, when none has a medial sheet, `too_thin`, `too_small`, `shape_is_a_ball`,
+    /// `shape_is_a_tube`, `not_orientable`, `sheet_has_holes`, `too_many_points`, `working_grid_too_large`; of the run
+    /// `run_too_long`, `too_many_attempts`, `storage_full`, `mask_damaged`, `internal`.
     #[schema(required)]
     error: Option<Problem>,
     /// What a reader of the results should know.

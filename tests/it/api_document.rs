@@ -38,8 +38,9 @@ async fn every_route_in_the_document_is_served() {
     assert_eq!(operations.len(), 16, "{operations:?}");
     for (method, path) in operations {
         let answer = server.call(method.clone(), &path.replace("{id}", "1").replace("{name}", "x")).await;
-        let text = answer.text();
-        assert!(!text.contains("no_such_route") && !text.contains("method_not_allowed"), "{method} {path}: {text}");
+        let is_problem = answer.header("content-type").starts_with("application/problem");
+        let code = if is_problem { answer.json()["code"].to_string() } else { String::new() };
+        assert!(!code.contains("no_such_route") && !code.contains("method_not_allowed"), "{method} {path}: {code}");
     }
 }
 
@@ -65,4 +66,36 @@ async fn every_path_that_the_front_page_names_is_in_the_document() {
     for (_, path) in operations().iter().filter(|(_, path)| path != "/") {
         assert!(index.contains(path.as_str()), "{path}");
     }
+}
+
+/// Codes as they stand in the sources: where problems are made, and where errors have theirs.
+fn codes() -> Vec<String> {
+    let mut codes = Vec::new();
+    for file in ["src/formats/read_error.rs", "src/pipeline/refusal.rs"] {
+        let text = std::fs::read_to_string(format!("{}/{file}", env!("CARGO_MANIFEST_DIR"))).unwrap();
+        let body = text.split("fn code(&self)").nth(1).unwrap().split("\n    }\n").next().unwrap().to_owned();
+        codes.extend(body.split('"').skip(1).step_by(2).map(str::to_owned));
+    }
+    for folder in ["src", "src/http", "src/jobs", "src/jobs/sqlite", "src/formats"] {
+        for entry in std::fs::read_dir(format!("{}/{folder}", env!("CARGO_MANIFEST_DIR"))).unwrap() {
+            let path = entry.unwrap().path();
+            let text = if path.is_file() { std::fs::read_to_string(path).unwrap() } else { String::new() };
+            for call in ["Problem::new(", "busy(", "unauthorized("] {
+                let made = text.split(call).skip(1).filter_map(|rest| rest.split(')').next()?.split('"').nth(1));
+                codes.extend(made.map(str::to_owned));
+            }
+        }
+    }
+    codes
+}
+
+#[test]
+fn every_code_that_a_client_can_meet_is_in_the_document() {
+    let yaml = openapi_yaml();
+    let mut codes = codes();
+    assert!(codes.len() > 50, "{codes:?}");
+    // The command line's own, that of tests, and what becomes the state canceled.
+    codes.retain(|code| !code.starts_with("cannot_") && code != "cancelled" && code.len() > 1);
+    let lacking: Vec<_> = codes.iter().filter(|code| !yaml.contains(&format!("`{code}`"))).collect();
+    assert!(lacking.is_empty(), "{lacking:?}");
 }
