@@ -66,11 +66,12 @@ impl What {
 
     async fn erase(self, jobs: &Jobs, id: JobId) -> Result<(), JobsError> {
         let blobs = jobs.blobs();
-        Ok(match self {
+        match self {
             Self::Jobs => blobs.erase(id).await?,
             Self::Results => blobs.erase_results(id).await?,
             Self::Masks => blobs.erase_mask(id).await?,
-        })
+        }
+        Ok(())
     }
 }
 
