@@ -47,7 +47,7 @@ Try:
   curl -F mask=@$mask -F 'params={"grid":"auto"}' $url/v1/jobs
   curl $url/v1/jobs                                    # all jobs
   curl -X DELETE $url$job                              # erase a job, its mask and results
-  curl $url/openapi.yaml                               # everything else
+  $url/docs                                            # everything else, in a browser
 
 Ctrl-C stops it; jobs stay in ./data.
 END
