@@ -30,7 +30,7 @@ pub(super) async fn extend(jobs: Arc<Jobs>) {
     }
 }
 
-/// Stops runs that were canceled, deleted or given away by another process, and takes up those of
+/// Stops runs that take too long, or were canceled, deleted or given away by another process, and takes up those of
 /// processes that are gone.
 pub(super) async fn watch(jobs: Arc<Jobs>) {
     let mut ticks = every(WATCH);
@@ -50,6 +50,9 @@ async fn stop_unwanted(jobs: &Jobs) -> Result<(), StoreError> {
     let running = jobs.all_running();
     if running.is_empty() {
         return Ok(());
+    }
+    for running in &running {
+        running.stop_if_late();
     }
     let held = jobs.store().held_by(jobs.instance().id()).await?;
     for running in running {

@@ -38,7 +38,7 @@ const SCRATCH: &str = "scratch";
 const MASKS: &str = "masks";
 const RESULTS: &str = "results";
 const DATABASE: &str = "db";
-/// Results up to this size are read once: checked, then sent from memory.
+/// Files up to this size are read once: checked or stored, then sent, from memory.
 const IN_MEMORY_BYTES: u64 = 8 << 20;
 /// How much is read ahead of a file that is copied.
 const COPY_BUFFER_BYTES: usize = 1 << 20;
@@ -368,6 +368,11 @@ impl Blobs {
 
     async fn put(&self, path: &Path, key: &Key) -> io::Result<()> {
         let file = tokio::fs::File::open(path).await?;
+        if file.metadata().await?.len() <= IN_MEMORY_BYTES {
+            let content = tokio::fs::read(path).await?;
+            self.store.put(key, content.into()).await.map_err(io_error)?;
+            return Ok(());
+        }
         let mut from = BufReader::with_capacity(COPY_BUFFER_BYTES, file);
         let mut to = BufWriter::new(Arc::clone(&self.store), key.clone());
         // Dropped after an error, it removes what it wrote.

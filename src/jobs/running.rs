@@ -30,6 +30,8 @@ pub(super) struct Running {
     stop: AtomicBool,
     /// When it has taken too long.
     deadline: Instant,
+    /// Whether that is why it was stopped.
+    is_late: AtomicBool,
     progress: Mutex<Progress>,
     changes: Arc<Changes>,
     /// Cancelled once the run has let go of its files.
@@ -42,6 +44,7 @@ impl Running {
             lease,
             stop: AtomicBool::new(false),
             deadline: Instant::now() + longest,
+            is_late: AtomicBool::new(false),
             progress: Mutex::default(),
             changes,
             ended: CancellationToken::new(),
@@ -52,9 +55,18 @@ impl Running {
         self.stop.store(true, Ordering::Relaxed);
     }
 
+    /// Stops it when it has taken too long. Looked at from outside, now and then: the run itself asks too
+    /// often whether to stop to look at a clock each time.
+    pub(super) fn stop_if_late(&self) {
+        if Instant::now() >= self.deadline && !self.stop.load(Ordering::Relaxed) {
+            self.is_late.store(true, Ordering::Relaxed);
+            self.stop();
+        }
+    }
+
     /// Whether it was its time that ran out, not somebody who stopped it.
     pub(super) fn took_too_long(&self) -> bool {
-        !self.stop.load(Ordering::Relaxed) && Instant::now() >= self.deadline
+        self.is_late.load(Ordering::Relaxed)
     }
 
     pub(super) fn progress(&self) -> Progress {
@@ -74,6 +86,6 @@ impl Observer for Running {
     }
 
     fn is_cancelled(&self) -> bool {
-        self.stop.load(Ordering::Relaxed) || Instant::now() >= self.deadline
+        self.stop.load(Ordering::Relaxed)
     }
 }

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use futures_util::FutureExt;
 use jiff::{SignedDuration, Timestamp};
-use tokio::task::{JoinHandle, spawn_blocking};
+use tokio::task::{JoinHandle, JoinSet, spawn_blocking};
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 use tokio_util::sync::CancellationToken;
 use tracing::{Instrument, info_span};
@@ -35,6 +35,9 @@ pub(super) const LEASE: SignedDuration = SignedDuration::from_secs(30);
 const IDLE_POLL: Duration = Duration::from_secs(1);
 /// Tries at writing an outcome before it is left to the end of the lease.
 const FINISH_TRIES: u32 = 5;
+/// Jobs of one worker whose results are on their way to disk while it runs the next: the disk makes them
+/// wait, not the processor.
+const ENDINGS: usize = 4;
 /// How long runs that were put back may take to notice.
 const LET_GO: Duration = Duration::from_secs(1);
 
@@ -124,18 +127,20 @@ impl Drop for Alive {
     }
 }
 
-/// Runs one job after the other. While the results of one are synced to disk and its row is written, the
-/// next one runs already.
+/// Runs one job after the other. While the results of some are synced to disk and their rows are written,
+/// the next one runs already.
 async fn work(jobs: &Arc<Jobs>, processor: &Processor, stop: &CancellationToken) {
-    let mut ending: Option<JoinHandle<()>> = None;
+    let mut endings = JoinSet::new();
     while !stop.is_cancelled() {
         let now = Timestamp::now();
         match jobs.store().claim(jobs.instance().id(), now, now + LEASE).await {
             Ok(Some(claim)) => {
                 let span = info_span!("job", job = %claim.job.id, trace_id = claim.job.trace_id);
                 let ran = run(jobs, processor, claim).instrument(span.clone()).await;
-                ended(ending.take()).await;
-                ending = Some(tokio::spawn(end_or_let_go(Arc::clone(jobs), ran).instrument(span)));
+                while endings.len() >= ENDINGS {
+                    endings.join_next().await;
+                }
+                endings.spawn(end_or_let_go(Arc::clone(jobs), ran).instrument(span));
             }
             Ok(None) => wait(jobs, stop).await,
             Err(error) => {
@@ -144,14 +149,7 @@ async fn work(jobs: &Arc<Jobs>, processor: &Processor, stop: &CancellationToken)
             }
         }
     }
-    ended(ending).await;
-}
-
-async fn ended(ending: Option<JoinHandle<()>>) {
-    if let Some(ending) = ending {
-        // It does not panic, and nobody aborts it.
-        let _ = ending.await;
-    }
+    while endings.join_next().await.is_some() {}
 }
 
 async fn wait(jobs: &Jobs, stop: &CancellationToken) {
