@@ -1,6 +1,8 @@
 //! What a user is told when something cannot be done: RFC 9457 problem details, the same on the
 //! command line and over HTTP.
 
+use std::io;
+
 use serde::{Deserialize, Serialize};
 
 use crate::pipeline::params::ParamsError;
@@ -70,6 +72,21 @@ impl Problem {
     pub fn hint(mut self, hint: impl Into<String>) -> Self {
         self.hint = Some(hint.into());
         self
+    }
+
+    /// A file that cannot be written: no room, or our fault.
+    #[must_use]
+    pub fn of_storage(error: &io::Error) -> Self {
+        match error.kind() {
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => Self::storage_full(),
+            _ => Self::internal(),
+        }
+    }
+
+    /// No room for what was to be written.
+    #[must_use]
+    pub fn storage_full() -> Self {
+        Self::new(507, "storage_full", "the server has no room for more").hint("delete jobs, or try later")
     }
 
     /// Our fault; the sentence says nothing of the inside.

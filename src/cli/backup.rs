@@ -46,7 +46,7 @@ async fn copy(from: &Path, to: &Path) -> anyhow::Result<()> {
     }
     SqliteStore::open(&old).await?.copy_to(&new).await.context("cannot copy the database")?;
     let store = SqliteStore::open(&new).await?;
-    let (source, target) = (Blobs::read_only(from)?, Blobs::read_only(to)?);
+    let (source, target) = (Blobs::beside(from)?, Blobs::beside(to)?);
     let (mut copied, mut gone) = (0_usize, 0_usize);
     for files in store.kept_files().await? {
         let Some(job) = store.get(files.id).await? else { continue };

@@ -107,7 +107,7 @@ async fn check_database(store: &SqliteStore) -> Result<String, String> {
 /// Every file that a row names is there and is what was stored.
 async fn check_files(store: &SqliteStore, dir: &Path) -> Result<String, String> {
     let kept = store.kept_files().await.map_err(|error| error.to_string())?;
-    let blobs = Blobs::read_only(dir).map_err(|error| error.to_string())?;
+    let blobs = Blobs::beside(dir).map_err(|error| error.to_string())?;
     let (mut checked, mut bad) = (0_usize, Vec::new());
     for files in kept {
         let Some(job) = store.get(files.id).await.map_err(|error| error.to_string())? else { continue };

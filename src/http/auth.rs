@@ -12,10 +12,10 @@ use std::sync::atomic::{AtomicI64, Ordering};
 use axum::extract::FromRequestParts;
 use axum::http::header::{AUTHORIZATION, HOST, ORIGIN};
 use axum::http::request::Parts;
-use axum::http::{HeaderMap, HeaderName};
 use jiff::Timestamp;
 
 use super::error::ApiError;
+use super::extract::header;
 use super::trace::TraceId;
 use crate::audit::Action;
 use crate::jobs::caller::{Caller, OpenRequest};
@@ -155,10 +155,6 @@ fn is_this_machine(host: &str) -> bool {
     let name = host.rsplit_once(':').filter(|(_, port)| port.bytes().all(|b| b.is_ascii_digit()));
     let name = name.map_or(host, |(name, _)| name).trim_start_matches('[').trim_end_matches(']');
     name.eq_ignore_ascii_case("localhost") || name.parse::<IpAddr>().is_ok_and(|ip| ip.is_loopback())
-}
-
-fn header(headers: &HeaderMap, name: HeaderName) -> Option<&str> {
-    headers.get(name).map(|value| value.to_str().unwrap_or("unreadable"))
 }
 
 fn unauthorized(code: &str, detail: &str) -> ApiError {

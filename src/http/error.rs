@@ -97,7 +97,7 @@ fn no_room(error: JobsError) -> ApiError {
         JobsError::StorageLow => Problem::new(507, "storage_low", "the server's disk is nearly full")
             .hint("delete jobs, or try later")
             .into(),
-        JobsError::Store(StoreError::Database(error)) if is_full(&error) => storage_full(),
+        JobsError::Store(StoreError::Database(error)) if is_full(&error) => Problem::storage_full().into(),
         JobsError::Files(error) => files_failed(&error),
         other => internal(&other),
     }
@@ -153,15 +153,8 @@ fn no_such_result(state: JobState) -> ApiError {
 }
 
 fn files_failed(error: &io::Error) -> ApiError {
-    if matches!(error.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded) {
-        tracing::error!(%error, "the data directory is full");
-        return storage_full();
-    }
-    internal(&error)
-}
-
-fn storage_full() -> ApiError {
-    Problem::new(507, "storage_full", "the server has no room for more").hint("delete jobs, or try later").into()
+    tracing::error!(%error, "a file cannot be read or written");
+    Problem::of_storage(error).into()
 }
 
 fn is_full(error: &sqlx::Error) -> bool {

@@ -2,11 +2,17 @@
 
 use axum::extract::{FromRequestParts, Path, Query};
 use axum::http::request::Parts;
+use axum::http::{HeaderMap, HeaderName};
 use serde::de::DeserializeOwned;
 
 use super::error::{ApiError, no_such_job};
 use crate::jobs::job::JobId;
 use crate::problem::Problem;
+
+/// A header as text; what is no text is none that anybody expects.
+pub fn header(headers: &HeaderMap, name: HeaderName) -> Option<&str> {
+    headers.get(name).map(|value| value.to_str().unwrap_or("unreadable"))
+}
 
 /// The job of a path `…/{id}`.
 pub struct JobPath(pub JobId);

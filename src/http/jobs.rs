@@ -14,9 +14,9 @@ use utoipa::IntoParams;
 
 use super::auth::{Allowed, Read, TokenProblems, TooManyRequests, Write};
 use super::error::{ApiError, PROBLEM_JSON};
-use super::extract::{JobPath, StrictQuery};
+use super::extract::{JobPath, StrictQuery, header};
 use super::params_schema::{BytesSchema, FormSchema, SubmitQuery};
-use super::results::{header, matches};
+use super::results::matches;
 use super::submit;
 use super::view::{JobList, JobView};
 use crate::formats::hex;

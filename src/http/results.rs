@@ -9,12 +9,12 @@ use axum::http::header::{
     ACCEPT, ACCEPT_RANGES, CACHE_CONTROL, CONTENT_DISPOSITION, CONTENT_LENGTH, CONTENT_RANGE, CONTENT_TYPE, ETAG,
     IF_NONE_MATCH, IF_RANGE, LOCATION, RANGE, VARY,
 };
-use axum::http::{HeaderMap, HeaderName, HeaderValue, Response, StatusCode};
+use axum::http::{HeaderMap, HeaderValue, Response, StatusCode};
 use axum::response::IntoResponse;
 
 use super::auth::{Allowed, Read, TokenProblems, TooManyRequests};
 use super::error::{ApiError, PROBLEM_JSON};
-use super::extract::{JobPath, ResultPath};
+use super::extract::{JobPath, ResultPath, header};
 use super::params_schema::BytesSchema;
 use crate::audit::Action;
 use crate::jobs::blobs::Content;
@@ -168,10 +168,6 @@ async fn serve(jobs: &Jobs, published: &Published, headers: &HeaderMap) -> Resul
 
 fn finish(answer: axum::http::response::Builder, body: Body) -> Result<Response<Body>, ApiError> {
     answer.body(body).map_err(|_| Problem::internal().into())
-}
-
-pub fn header(headers: &HeaderMap, name: HeaderName) -> Option<&str> {
-    headers.get(name)?.to_str().ok()
 }
 
 pub fn matches(list: &str, etag: &str) -> bool {

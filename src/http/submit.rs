@@ -18,12 +18,14 @@ use futures_util::stream::poll_fn;
 use tokio::time::timeout;
 
 use super::error::{ApiError, too_large};
+use super::extract::header;
 use super::params_schema::SubmitQuery;
 use crate::formats::params_json::MAX_BYTES as MAX_TEXT_BYTES;
 use crate::jobs::caller::Caller;
 use crate::jobs::job::RequestedParams;
 use crate::jobs::queue::Jobs;
 use crate::jobs::submission::Submission;
+use crate::jobs::token::{MAX_NAME, is_name};
 use crate::jobs::upload::{self, Received, UploadError};
 use crate::problem::Problem;
 
@@ -39,8 +41,7 @@ const FORM_PIECE_BYTES: usize = 32 << 10;
 const MAX_KEY_BYTES: usize = 255;
 /// Labels of one job.
 const MAX_LABELS: usize = 16;
-/// Longest name and longest value of a label, characters.
-const MAX_LABEL_NAME: usize = 64;
+/// Longest value of a label, characters.
 const MAX_LABEL_VALUE: usize = 256;
 
 const IDEMPOTENCY_KEY: HeaderName = HeaderName::from_static("idempotency-key");
@@ -146,17 +147,13 @@ fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>, ApiError> {
 fn parse_labels(text: &[u8]) -> Result<BTreeMap<String, String>, ApiError> {
     let problem = |detail: &str| {
         let hint = format!(
-            "send a JSON object of at most {MAX_LABELS} strings; names have 1 to {MAX_LABEL_NAME} letters, digits, \
+            "send a JSON object of at most {MAX_LABELS} strings; names have 1 to {MAX_NAME} letters, digits, \
              dots, hyphens and underscores, values at most {MAX_LABEL_VALUE} characters"
         );
         ApiError::from(Problem::new(422, "invalid_labels", detail).at("labels").hint(hint))
     };
     let labels: BTreeMap<String, String> =
         serde_json::from_slice(text).map_err(|_| problem("the labels are no JSON object of strings"))?;
-    let is_name = |name: &str| {
-        (1..=MAX_LABEL_NAME).contains(&name.len())
-            && name.chars().all(|c| c.is_ascii_alphanumeric() || "._-".contains(c))
-    };
     let is_value = |value: &str| value.chars().count() <= MAX_LABEL_VALUE && !value.chars().any(char::is_control);
     if labels.len() > MAX_LABELS {
         return Err(problem("there are too many labels"));
@@ -242,10 +239,6 @@ fn bounded(mut request: Request, understood: Arc<AtomicU64>) -> Request {
             Poll::Ready(Some(if is_bounded { Ok(piece) } else { Err(io::ErrorKind::InvalidData.into()) }))
         }))
     })
-}
-
-fn header(headers: &HeaderMap, name: HeaderName) -> Option<&str> {
-    headers.get(name).map(|value| value.to_str().unwrap_or("unreadable"))
 }
 
 fn broken_form(error: &MultipartError) -> ApiError {

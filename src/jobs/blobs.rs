@@ -89,18 +89,24 @@ impl Blobs {
         for folder in [root, &root.join(DATABASE), &scratch] {
             super::make_private(folder)?;
         }
-        let store = LocalFileSystem::new_with_prefix(root).map_err(io_error)?.with_fsync(true);
-        Ok(Self { store: Arc::new(store.with_automatic_cleanup(true)), root: root.to_owned(), scratch })
+        Ok(Self { scratch, ..Self::beside(root)? })
     }
 
-    /// The files of a data directory that another process works on; makes nothing, and takes in no
-    /// uploads.
+    /// The files of a data directory for one who takes no part in its work, and so has no scratch files;
+    /// makes nothing.
     ///
     /// # Errors
     /// When the folder is not there.
-    pub fn read_only(root: &Path) -> io::Result<Self> {
+    pub fn beside(root: &Path) -> io::Result<Self> {
         let store = LocalFileSystem::new_with_prefix(root).map_err(io_error)?.with_fsync(true);
-        Ok(Self { store: Arc::new(store), root: root.to_owned(), scratch: root.join(SCRATCH) })
+        let store = Arc::new(store.with_automatic_cleanup(true));
+        Ok(Self { store, root: root.to_owned(), scratch: root.join(SCRATCH) })
+    }
+
+    /// The same with the files in another object store: only scratch files are in the folder.
+    #[must_use]
+    pub fn stored_in(self, store: Arc<dyn ObjectStore>) -> Self {
+        Self { store, ..self }
     }
 
     /// Where a store that is a file lies.

@@ -97,14 +97,7 @@ impl From<io::Error> for ProcessError {
             return Self::Cancelled;
         }
         tracing::error!(%error, "writing the results failed");
-        match error.kind() {
-            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
-                Problem::new(507, "storage_full", "there is no room left for the results")
-                    .hint("try again later")
-                    .into()
-            }
-            _ => Problem::internal().into(),
-        }
+        Problem::of_storage(&error).into()
     }
 }
 

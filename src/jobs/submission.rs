@@ -113,17 +113,18 @@ impl Jobs {
             trace_id: caller.trace_id.clone(),
             created_at: now,
         };
-        self.blobs().keep_mask(&submission.upload.file, id).await?;
-        match self.store().insert(&new, self.queue_limits(&caller.tenant)).await {
-            Ok(Inserted::New) => {}
-            Ok(Inserted::Known(known)) => {
-                self.blobs().erase(id).await?;
-                return Ok(Accepted { status: self.status(caller, known).await?, is_replay: true });
-            }
-            Err(error) => {
-                self.blobs().erase(id).await?;
-                return Err(error.into());
-            }
+        let inserted = async {
+            self.blobs().keep_mask(&submission.upload.file, id).await?;
+            Ok::<_, JobsError>(self.store().insert(&new, self.queue_limits(&caller.tenant)).await?)
+        };
+        let inserted = inserted.await;
+        if !matches!(inserted, Ok(Inserted::New))
+            && let Err(error) = self.blobs().erase(id).await
+        {
+            tracing::error!(job = %id, %error, "files of a refused job cannot be removed; they are swept later");
+        }
+        if let Inserted::Known(known) = inserted? {
+            return Ok(Accepted { status: self.status(caller, known).await?, is_replay: true });
         }
         let is_reused = new.reused.is_some();
         tracing::info!(job = %id, bytes, is_reused, "job accepted");

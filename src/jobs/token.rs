@@ -51,13 +51,22 @@ impl FromStr for Scope {
     }
 }
 
+/// Longest name of a tenant or a label.
+pub const MAX_NAME: usize = 64;
+
+/// Whether a text can name a tenant or a label.
+#[must_use]
+pub fn is_name(text: &str) -> bool {
+    let is_allowed = |c: char| c.is_ascii_alphanumeric() || "._-".contains(c);
+    (1..=MAX_NAME).contains(&text.len()) && text.chars().all(is_allowed)
+}
+
 /// Names a tenant: 1 to 64 letters, digits, dots, hyphens and underscores.
 ///
 /// # Errors
 /// When the text is none.
 pub fn check_tenant(name: &str) -> Result<String, String> {
-    let is_allowed = |c: char| c.is_ascii_alphanumeric() || "._-".contains(c);
-    if (1..=64).contains(&name.len()) && name.chars().all(is_allowed) {
+    if is_name(name) {
         return Ok(name.to_owned());
     }
     Err("a tenant is 1 to 64 letters, digits, dots, hyphens and underscores".to_owned())

@@ -294,13 +294,7 @@ fn mask_lost(jobs: &Jobs, error: &io::Error) -> Outcome {
 
 fn storage_failed(error: &io::Error) -> Outcome {
     tracing::error!(%error, "results cannot be written");
-    let is_full = matches!(error.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded);
-    let problem = if is_full {
-        Problem::new(507, "storage_full", "the server has no room for the results").hint("retry the job later")
-    } else {
-        Problem::internal()
-    };
-    Outcome::Failed(Box::new(problem))
+    Outcome::Failed(Box::new(Problem::of_storage(error)))
 }
 
 fn succeeded(processed: &Processed) -> Outcome {

@@ -24,6 +24,8 @@ mod formats_glb;
 
 mod jobs_process;
 
+mod jobs_blobs;
+
 mod cli_run;
 
 mod phantoms;

@@ -2,8 +2,8 @@
 
 use async_trait::async_trait;
 use jiff::Timestamp;
-use sqlx::Row;
 use sqlx::sqlite::SqliteRow;
+use sqlx::{Row, Sqlite, SqliteExecutor};
 
 use super::{SqliteStore, rows};
 use crate::jobs::job::JobId;
@@ -12,16 +12,10 @@ use crate::jobs::store::{KeptFiles, RetentionStore, StoreError};
 #[async_trait]
 impl RetentionStore for SqliteStore {
     async fn expire_masks(&self, ended_before: Timestamp, limit: u32) -> Result<Vec<JobId>, StoreError> {
-        let rows = sqlx::query(
-            "UPDATE jobs SET mask_kept = 0 WHERE id IN
-                (SELECT id FROM jobs WHERE ended_at_ms < $1 AND mask_kept = 1 LIMIT $2)
-             RETURNING id",
-        )
-        .bind(ended_before.as_millisecond())
-        .bind(i64::from(limit))
-        .fetch_all(&self.writer)
-        .await?;
-        rows.iter().map(rows::id).collect()
+        let due = "UPDATE jobs SET mask_kept = 0 WHERE id IN
+                     (SELECT id FROM jobs WHERE ended_at_ms < $1 AND mask_kept = 1 LIMIT $2)
+                   RETURNING id";
+        expire(&self.writer, due, ended_before, limit).await
     }
 
     async fn forget_mask(&self, id: JobId) -> Result<(), StoreError> {
@@ -30,28 +24,16 @@ impl RetentionStore for SqliteStore {
     }
 
     async fn expire_results(&self, ended_before: Timestamp, limit: u32) -> Result<Vec<JobId>, StoreError> {
-        let rows = sqlx::query(
-            "UPDATE jobs SET results_kept = 0 WHERE id IN
-                (SELECT id FROM jobs WHERE ended_at_ms < $1 AND results_kept = 1 AND state = 'succeeded' LIMIT $2)
-             RETURNING id",
-        )
-        .bind(ended_before.as_millisecond())
-        .bind(i64::from(limit))
-        .fetch_all(&self.writer)
-        .await?;
-        rows.iter().map(rows::id).collect()
+        let due = "UPDATE jobs SET results_kept = 0 WHERE id IN
+                     (SELECT id FROM jobs WHERE ended_at_ms < $1 AND results_kept = 1 AND state = 'succeeded' LIMIT $2)
+                   RETURNING id";
+        expire(&self.writer, due, ended_before, limit).await
     }
 
     async fn expire_jobs(&self, ended_before: Timestamp, limit: u32) -> Result<Vec<JobId>, StoreError> {
+        let due = "DELETE FROM jobs WHERE id IN (SELECT id FROM jobs WHERE ended_at_ms < $1 LIMIT $2) RETURNING id";
         let mut transaction = self.write().await?;
-        let rows = sqlx::query(
-            "DELETE FROM jobs WHERE id IN (SELECT id FROM jobs WHERE ended_at_ms < $1 LIMIT $2) RETURNING id",
-        )
-        .bind(ended_before.as_millisecond())
-        .bind(i64::from(limit))
-        .fetch_all(&mut *transaction)
-        .await?;
-        let ids: Vec<JobId> = rows.iter().map(rows::id).collect::<Result<_, _>>()?;
+        let ids = expire(&mut *transaction, due, ended_before, limit).await?;
         for id in &ids {
             let labels = sqlx::query("DELETE FROM job_labels WHERE job_id = $1").bind(id.to_string());
             labels.execute(&mut *transaction).await?;
@@ -66,6 +48,17 @@ impl RetentionStore for SqliteStore {
             .await?;
         rows.iter().map(kept).collect()
     }
+}
+
+/// The jobs that `due` changes: its parameters are the time and the limit.
+async fn expire<'a>(
+    executor: impl SqliteExecutor<'a, Database = Sqlite>,
+    due: &'static str,
+    ended_before: Timestamp,
+    limit: u32,
+) -> Result<Vec<JobId>, StoreError> {
+    let query = sqlx::query(due).bind(ended_before.as_millisecond()).bind(i64::from(limit));
+    query.fetch_all(executor).await?.iter().map(rows::id).collect()
 }
 
 fn kept(row: &SqliteRow) -> Result<KeptFiles, StoreError> {
