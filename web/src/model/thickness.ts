@@ -1,0 +1,83 @@
+/** `thickness.json`, as far as the page reads it. Lengths are mm, positions RAS+ world space. */
+
+export type Point = [number, number, number];
+export type Flat = [number, number];
+export type Verdict = "pass" | "warn" | "fail";
+
+export interface Thickness {
+  schema: string;
+  program: { name: string; version: string };
+  input: { format: string; dims: Point; spacing_mm: Point };
+  params: { grid: Grid | "auto"; correspondence: string; lattice: string };
+  structures: Structure[];
+  warnings: Message[];
+  timings_ms: Record<string, number>;
+}
+
+export interface Grid {
+  rows: number;
+  cols: number;
+}
+
+export interface Message {
+  code: string;
+  message: string;
+}
+
+export interface Structure {
+  index: number;
+  label: number;
+  voxels: number;
+  volume_mm3: number;
+  /** Why it has no medial representation. */
+  refusal?: Message & { hint?: string };
+  figures: Figure[];
+  thickness_summary: Summary;
+  quality: Quality;
+  warnings: Message[];
+}
+
+/** One single sheet. Arrays have rows · cols entries, row-major; a number that could not be computed is null. */
+export interface Figure {
+  index: number;
+  grid: Grid;
+  medial: Point[];
+  upper: Point[];
+  lower: Point[];
+  valid: boolean[];
+  thickness: { upper_mm: Numbers; lower_mm: Numbers; total_mm: Numbers };
+  medial_radius_mm: Numbers;
+  /** Per node: logarithm of (share of the area in space) / (share in the intrinsic plane). */
+  area_distortion: Numbers;
+  intrinsic: Record<Surface, (Flat | null)[]>;
+  thickness_summary: Summary;
+  quality: Quality;
+}
+
+export type Numbers = (number | null)[];
+
+export type Surface = "medial" | "upper" | "lower";
+
+/** Weighted by the area of the medial lattice round each node. */
+export interface Summary {
+  upper_mm: Spread;
+  lower_mm: Spread;
+  total_mm: Spread;
+  area_mm2: number;
+}
+
+export interface Spread {
+  mean: number | null;
+  sd: number | null;
+  p5: number | null;
+  p50: number | null;
+  p95: number | null;
+}
+
+export interface Quality {
+  verdict?: Verdict;
+  reasons?: (Message & { value: number | null; threshold: number })[];
+  thresholds?: Record<string, { value: number | null; bad: "above" | "below"; warn: number | null; fail: number | null }>;
+  folds: number;
+  dice: number;
+}

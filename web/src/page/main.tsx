@@ -1,0 +1,3 @@
+import { render } from "preact";
+import { hello } from "../viewer";
+render(<p>{hello()}</p>, document.body);

@@ -1,0 +1,2 @@
+import * as THREE from "three";
+export function hello() { return new THREE.WebGLRenderer().toString(); }
