@@ -77,7 +77,10 @@ export interface Spread {
 export interface Quality {
   verdict?: Verdict;
   reasons?: (Message & { value: number | null; threshold: number })[];
-  thresholds?: Record<string, { value: number | null; bad: "above" | "below"; warn: number | null; fail: number | null }>;
+  thresholds?: Record<
+    string,
+    { value: number | null; bad: "above" | "below"; warn: number | null; fail: number | null }
+  >;
   folds: number;
   dice: number;
 }

@@ -1,0 +1,110 @@
+import type { Flat, Numbers, Point, Thickness } from "./thickness";
+
+/** A node of a lattice. `structure` and `figure` are the `index` of thickness.json, `i` the row, `j` the column. */
+export interface NodeRef {
+  structure: number;
+  figure: number;
+  i: number;
+  j: number;
+}
+
+/** What is known of every node, from thickness.json or from model.glb alone. */
+export interface Result {
+  structures: ResultStructure[];
+}
+
+export interface ResultStructure {
+  index: number;
+  label: number;
+  /** Why it has no figures, in words or as a code. */
+  refusal: string | null;
+  figures: ResultFigure[];
+}
+
+/** One sheet. Arrays have rows · cols entries, row by row. Lengths are mm, positions RAS mm; null is not known. */
+export interface ResultFigure {
+  structure: number;
+  index: number;
+  /** Number of the figure among all figures of the result: chooses its colour. */
+  order: number;
+  rows: number;
+  cols: number;
+  medial: (Point | null)[];
+  upper: (Point | null)[];
+  lower: (Point | null)[];
+  upper_mm: Numbers;
+  lower_mm: Numbers;
+  total_mm: Numbers;
+  radius_mm: Numbers | null;
+  /** Logarithm of the share of the area in space over that in the intrinsic plane. */
+  distortion: Numbers | null;
+  /** Place of the medial node in the intrinsic plane, mm. */
+  intrinsic: (Flat | null)[] | null;
+  /** Thickness minus that of another result, mm; handed in. */
+  difference: Numbers | null;
+}
+
+/** Values of the nodes of one figure, row by row. */
+export interface FigureValues {
+  structure: number;
+  figure: number;
+  values: Numbers;
+}
+
+/** Reads thickness.json. What an invalid node has is taken as not known. */
+export function fromThickness(json: Thickness): Result {
+  let order = 0;
+  const structures = json.structures.map((structure) => ({
+    index: structure.index,
+    label: structure.label,
+    refusal: structure.refusal?.message ?? null,
+    figures: structure.figures.map((figure): ResultFigure => {
+      const valid = <T>(list: readonly T[]): (T | null)[] =>
+        list.map((value, node) => (figure.valid[node] ? value : null));
+      const points = (list: readonly Point[]) => valid(list).map((p) => (isFinitePoint(p) ? p : null));
+      return {
+        structure: structure.index,
+        index: figure.index,
+        order: order++,
+        rows: figure.grid.rows,
+        cols: figure.grid.cols,
+        medial: points(figure.medial),
+        upper: points(figure.upper),
+        lower: points(figure.lower),
+        upper_mm: valid(figure.thickness.upper_mm),
+        lower_mm: valid(figure.thickness.lower_mm),
+        total_mm: valid(figure.thickness.total_mm),
+        radius_mm: valid(figure.medial_radius_mm),
+        distortion: figure.area_distortion ? valid(figure.area_distortion) : null,
+        intrinsic: valid(figure.intrinsic.medial).map((p) => (isFinitePoint(p) ? p : null)),
+        difference: null,
+      };
+    }),
+  }));
+  return { structures };
+}
+
+/** The same result with the differences given; a figure that is not among them has none. */
+export function withDifference(result: Result, differences: readonly FigureValues[] | null): Result {
+  const structures = result.structures.map((structure) => ({
+    ...structure,
+    figures: structure.figures.map((figure) => {
+      const given = differences?.find((d) => d.structure === figure.structure && d.figure === figure.index);
+      return { ...figure, difference: given?.values ?? null };
+    }),
+  }));
+  return { structures };
+}
+
+export function figuresOf(result: Result): ResultFigure[] {
+  return result.structures.flatMap((structure) => structure.figures);
+}
+
+export function figureOf(result: Result, structure: number, figure: number): ResultFigure | null {
+  const found = result.structures.find((s) => s.index === structure);
+  return found?.figures.find((f) => f.index === figure) ?? null;
+}
+
+function isFinitePoint(point: readonly (number | null)[] | null | undefined): boolean {
+  return Array.isArray(point) && point.every((x) => Number.isFinite(x));
+}

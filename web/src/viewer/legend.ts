@@ -1,0 +1,108 @@
+import { cssColorOf } from "../model/colors";
+import { QUANTITIES, type Quantity, type Range, SIDES } from "../model/quantity";
+import { figuresOf, type Result } from "../model/result";
+import { ticks } from "../model/scale";
+import { make } from "./dom";
+
+const STOPS = 24;
+
+export interface LegendState {
+  quantity: Quantity;
+  range: Range;
+  /** Whether a person or a program has set the range. */
+  ownRange: boolean;
+}
+
+/** What the colours mean. */
+export class Legend {
+  readonly element = make("section", "legend");
+  #title = make("p", "title");
+  #bar = make("div", "bar");
+  #ticks = make("div", "ticks");
+  #form = make("div", "bounds");
+  #low = numberInput("Lowest value of the colour scale");
+  #high = numberInput("Highest value of the colour scale");
+  #reset = make("button", "", "Reset");
+  #categories = make("ul", "categories");
+
+  /** `setRange` is called with what a person types; null is back to the range of the data. */
+  constructor(setRange: (range: Range | null) => void) {
+    this.element.setAttribute("aria-label", "Colour scale");
+    this.#bar.setAttribute("role", "img");
+    this.#reset.type = "button";
+    this.#reset.title = "The range of the data";
+    this.#reset.addEventListener("click", () => {
+      setRange(null);
+      this.#low.focus();
+    });
+    const change = () => {
+      const [low, high] = [this.#low.valueAsNumber, this.#high.valueAsNumber];
+      const good = high > low;
+      this.#high.setCustomValidity(good ? "" : "The highest value has to be above the lowest.");
+      if (good) setRange([low, high]);
+      else this.#high.reportValidity();
+    };
+    for (const input of [this.#low, this.#high]) input.addEventListener("change", change);
+    this.#form.append(this.#low, make("span", "", "to"), this.#high, this.#reset);
+    this.element.append(this.#title, this.#bar, this.#ticks, this.#form, this.#categories);
+    this.element.hidden = true;
+  }
+
+  update(result: Result, { quantity, range, ownRange }: LegendState): void {
+    const { label, unit, kind } = QUANTITIES[quantity];
+    this.element.hidden = false;
+    this.#title.textContent = unit ? `${label}, ${unit}` : label;
+    const scale = kind !== "categorical";
+    for (const part of [this.#bar, this.#ticks, this.#form]) part.hidden = !scale;
+    this.#categories.hidden = scale;
+    if (!scale) {
+      this.#categories.replaceChildren(...namesOf(result, quantity).map((name, n) => category(name, quantity, n)));
+      return;
+    }
+    const [low, high] = range;
+    this.#bar.style.background = `linear-gradient(to right, ${stops(quantity, range).join(", ")})`;
+    this.#bar.setAttribute("aria-label", `Colours from ${low} to ${high}${unit ? ` ${unit}` : ""}`);
+    this.#ticks.replaceChildren(...ticks(low, high, 4).map((value) => tick(value, (value - low) / (high - low))));
+    for (const [input, value] of [[this.#low, low] as const, [this.#high, high] as const]) {
+      input.valueAsNumber = Number(value.toPrecision(6));
+      input.step = "any";
+    }
+    this.#high.setCustomValidity("");
+    this.#reset.hidden = !ownRange;
+  }
+}
+
+/** Names of the categories, in the order of their values. */
+export function namesOf(result: Result, quantity: Quantity): string[] {
+  if (quantity === "side") return SIDES.map((side) => side.charAt(0).toUpperCase() + side.slice(1));
+  const labels = new Map(result.structures.map(({ index, label }) => [index, label]));
+  return figuresOf(result).map(({ structure, index }) => `Label ${labels.get(structure)}, figure ${index}`);
+}
+
+/** Colours at equal distances along the scale. */
+export function stops(quantity: Quantity, range: Range): string[] {
+  const [low, high] = range;
+  return Array.from({ length: STOPS + 1 }, (_, n) => cssColorOf(quantity, low + ((high - low) * n) / STOPS, range));
+}
+
+function category(name: string, quantity: Quantity, value: number): HTMLLIElement {
+  const item = make("li", "");
+  const swatch = make("span", "swatch");
+  swatch.style.background = cssColorOf(quantity, value, [0, 1]);
+  item.append(swatch, name);
+  return item;
+}
+
+function tick(value: number, share: number): HTMLSpanElement {
+  const made = make("span", "", String(value).replace("-", "−"));
+  made.style.left = `${(100 * share).toFixed(2)}%`;
+  return made;
+}
+
+function numberInput(name: string): HTMLInputElement {
+  const input = make("input", "");
+  input.type = "number";
+  input.step = "any";
+  input.setAttribute("aria-label", name);
+  return input;
+}

@@ -1,0 +1,100 @@
+import { Color, Scene, WebGLRenderer } from "three";
+import type { Orbit } from "./camera";
+import type { Graphics } from "./graphics";
+import type { Theme } from "./theme";
+
+/** How long the view has to stand still before it is drawn sharply, ms. */
+const REST_MS = 160;
+const MOST_PIXELS = 2560 * 1600;
+
+/** The canvas of the model. Draws when something has changed, not otherwise. */
+export class Stage {
+  readonly canvas = document.createElement("canvas");
+  readonly scene = new Scene();
+  #renderer: WebGLRenderer;
+  #software: boolean;
+  #frame = 0;
+  #rest = 0;
+  #moving = false;
+  #size = { width: 0, height: 0 };
+  #draw: () => void;
+
+  /** `draw` is called for each frame and calls `render`. */
+  constructor({ software }: Graphics, draw: () => void) {
+    this.#software = software;
+    this.#draw = draw;
+    // Smoothing by the processor costs more than drawing at twice the size at rest.
+    this.#renderer = new WebGLRenderer({ canvas: this.canvas, antialias: !software, stencil: false });
+    this.#renderer.sortObjects = true;
+    this.canvas.addEventListener("webglcontextrestored", this.invalidate);
+  }
+
+  get size(): Readonly<{ width: number; height: number }> {
+    return this.#size;
+  }
+
+  /** CSS pixels. */
+  resize(width: number, height: number): void {
+    if (width === this.#size.width && height === this.#size.height) return;
+    this.#size = { width, height };
+    this.#renderer.setSize(width, height, false);
+    this.invalidate();
+  }
+
+  setTheme({ background: [red, green, blue] }: Theme): void {
+    const color = new Color(red / 255, green / 255, blue / 255);
+    this.#renderer.setClearColor(color.convertSRGBToLinear());
+    this.invalidate();
+  }
+
+  /** Draws in the next frame. */
+  readonly invalidate = (): void => {
+    this.#frame ||= requestAnimationFrame(this.drawNow);
+  };
+
+  /** Draws in the next frame, fast rather than sharp, and sharply when nothing has moved for a while. */
+  moved(): void {
+    this.#moving = true;
+    clearTimeout(this.#rest);
+    this.#rest = window.setTimeout(() => {
+      this.#moving = false;
+      this.invalidate();
+    }, REST_MS);
+    this.invalidate();
+  }
+
+  readonly drawNow = (): void => {
+    cancelAnimationFrame(this.#frame);
+    this.#frame = 0;
+    if (this.#size.width > 0 && this.#size.height > 0) this.#draw();
+  };
+
+  render(orbit: Orbit): void {
+    const ratio = this.#ratio();
+    if (this.#renderer.getPixelRatio() !== ratio) this.#renderer.setPixelRatio(ratio);
+    this.#renderer.render(this.scene, orbit.camera);
+  }
+
+  /** Draws sharply at once, for a picture to be taken before the browser does anything else. */
+  drawSharply(): void {
+    this.#moving = false;
+    this.drawNow();
+  }
+
+  dispose(): void {
+    cancelAnimationFrame(this.#frame);
+    clearTimeout(this.#rest);
+    this.canvas.removeEventListener("webglcontextrestored", this.invalidate);
+    this.#renderer.dispose();
+    this.#renderer.forceContextLoss();
+    this.canvas.remove();
+  }
+
+  /** Pixels of the canvas per CSS pixel. */
+  #ratio(): number {
+    const { width, height } = this.#size;
+    const most = Math.sqrt(MOST_PIXELS / (width * height));
+    const wanted = this.#software ? (this.#moving ? 0.75 : 2) : Math.min(devicePixelRatio, 2);
+    return Math.min(wanted, most);
+  }
+}
