@@ -1,14 +1,21 @@
 # What one does here. `make run` and `make test` are all that a newcomer needs.
 
-.PHONY: run test bench fuzz soak contract lint openapi image-check deny clean
+.PHONY: run test web bench fuzz soak contract lint openapi image-check deny clean
 
-# The service on 127.0.0.1:8080, with a sample job already sent.
-run:
+# The service and its page on 127.0.0.1:8080, with a sample job already sent.
+run: web
 	@scripts/run.sh
 
 # Everything, with a closing count.
 test:
 	@scripts/test.sh
+
+# The page and the viewer, which the program takes in when it is built. Without them it serves a page that says so.
+web: web/node_modules/.package-lock.json
+	@cd web && npm run --silent build -- --logLevel warn
+
+web/node_modules/.package-lock.json: web/package-lock.json
+	@cd web && npm ci --silent --no-fund --no-audit
 
 # What each stage costs at three sizes, and the whole, on one thread.
 bench:
@@ -28,7 +35,8 @@ soak:
 contract:
 	@scripts/contract.sh
 
-lint:
+lint: web/node_modules/.package-lock.json
+	cd web && npm run --silent lint
 	cargo fmt --check
 	cargo fmt --manifest-path fuzz/Cargo.toml --check
 	cargo clippy --locked --all-targets -- -D warnings
@@ -47,4 +55,5 @@ deny:
 
 clean:
 	cargo clean
-	rm -rf data tests/tools/node_modules
+	rm -rf data tests/tools/node_modules web/node_modules
+	find web/dist -type f -not -name .gitignore -delete

@@ -1,17 +1,36 @@
 #!/usr/bin/env bash
-# Runs all tests and counts them. Installs what they need beyond the Rust toolchain.
+# Runs all tests and counts them. Installs what they need beyond the Rust toolchain and Node.js.
 set -uo pipefail
 cd "$(dirname "$0")/.."
 
-# The validator of the glTF files is a Node package.
-if [ -f tests/tools/package.json ]; then
-    command -v npm >/dev/null || { echo "make test: needs Node.js with npm, for the glTF validator" >&2; exit 1; }
-    (cd tests/tools && npm ci --silent --no-fund --no-audit) || exit 1
+fail() { echo "make test: $*" >&2; exit 1; }
+
+command -v npm >/dev/null || fail "needs Node.js with npm, for the page and the glTF validator"
+make --no-print-directory web || exit 1
+(cd tests/tools && npm ci --silent --no-fund --no-audit) || exit 1
+
+# The page is tested in a browser.
+browser=$(command -v chromium || command -v google-chrome || true)
+if [ -z "$browser" ]; then
+    [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null || fail "needs chromium: apt-get install chromium"
+    echo "installing chromium ..."
+    (apt-get update -q && DEBIAN_FRONTEND=noninteractive apt-get install -qy --no-install-recommends chromium) >/dev/null ||
+        fail "chromium cannot be installed"
+    browser=$(command -v chromium)
 fi
 
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
 cargo test --locked --no-fail-fast "$@" 2>&1 | tee "$log"
 status=$?
-awk '/^test result:/ { passed += $4; failed += $6 } END { printf "\n%d passed, %d failed\n", passed, failed }' "$log"
+# With a filter, the tests of the page are left out.
+if [ $# -eq 0 ]; then
+    program=$(cargo build --locked --message-format=json 2>/dev/null | sed -n 's/.*"executable":"\([^"]*\/medialrep\)".*/\1/p')
+    (cd web && MEDIALREP_PROGRAM=$program BROWSER=$browser NO_COLOR=1 npm test --silent) 2>&1 | tee -a "$log" || status=1
+fi
+awk '
+    /^test result:/ { passed += $4; failed += $6 }
+    /^ +Tests / { for (i = 2; i <= NF; i++) { if ($i == "passed") passed += $(i - 1); if ($i == "failed") failed += $(i - 1) } }
+    END { printf "\n%d passed, %d failed\n", passed, failed }
+' "$log"
 exit $status

@@ -4,8 +4,6 @@ import { defineConfig } from "vitest/config";
 const SERVICE = process.env.MEDIALREP_URL ?? "http://127.0.0.1:8080";
 
 export default defineConfig({
-  // Relative, so that the page also works below a path of a proxy.
-  base: "./",
   oxc: { jsx: { runtime: "automatic", importSource: "preact" } },
   build: {
     target: "es2022",

@@ -1,3 +1,4 @@
-import { render } from "preact";
-import { hello } from "../viewer";
-render(<p>{hello()}</p>, document.body);
+import "./page.css";
+import { begin } from "./app";
+
+begin();

@@ -1,0 +1,131 @@
+/** Requests to the service that served this page. */
+
+import { signal } from "@preact/signals";
+import type { components } from "./schema";
+
+type Schemas = components["schemas"];
+export type Job = Schemas["Job"];
+export type JobState = Schemas["JobState"];
+export type Progress = Schemas["Progress"];
+export type Problem = Schemas["Problem"];
+export type Limits = Schemas["Limits"];
+export type ResultFile = Schemas["Result"];
+type JobList = Schemas["JobList"];
+type SampleList = Schemas["SampleList"];
+export type Sample = SampleList["samples"][number];
+
+/** The token, in memory only: it is gone when the page is. */
+export const token = signal<string | null>(null);
+/** Why the service asks for a token; null when it does not. */
+export const tokenWanted = signal<Problem | null>(null);
+
+/** What the service refused, in its own words. */
+export class Refused extends Error {
+  constructor(readonly problem: Problem) {
+    super(problem.detail);
+  }
+}
+
+/** A problem that the service did not tell: it was not reached, or something in between answered. */
+export function strange(title: string, detail: string, status = 0): Problem {
+  return { type: "about:blank", code: "no_answer", title, detail, status, retryable: true };
+}
+
+export function headers(more: Record<string, string> = {}): Record<string, string> {
+  return token.value === null ? more : { ...more, Authorization: `Bearer ${token.value}` };
+}
+
+/** @throws Refused when the service is not reached or answers with a problem. */
+export async function call(path: string, init: RequestInit & { headers?: Record<string, string> } = {}) {
+  let response: Response;
+  try {
+    response = await fetch(path, { ...init, headers: headers(init.headers) });
+  } catch (error) {
+    if (init.signal?.aborted) throw error;
+    throw new Refused(strange("The service cannot be reached", "No answer came. Is it running, and the network up?"));
+  }
+  if (!response.ok) throw new Refused(noteRefusal(await problemOf(response)));
+  return response;
+}
+
+async function problemOf(response: Response): Promise<Problem> {
+  return readProblem(response.status, await response.text().catch(() => ""));
+}
+
+/** The problem in an answer; one of our own when something between here and the service answered. */
+export function readProblem(status: number, body: string): Problem {
+  try {
+    const problem = JSON.parse(body);
+    if (typeof problem.code === "string" && typeof problem.detail === "string") return problem;
+  } catch {
+    // No problem object: told below.
+  }
+  return strange("An answer that the service does not give", `Status ${status}; a proxy may have sent it.`, status);
+}
+
+/** Asks for a token when that is what is wrong. */
+export function noteRefusal(problem: Problem): Problem {
+  if (problem.status === 401) tokenWanted.value = problem;
+  return problem;
+}
+
+async function json<T>(path: string, init: Parameters<typeof call>[1] = {}): Promise<T> {
+  return (await call(path, init)).json();
+}
+
+export const fetchLimits = () => json<Limits>("/v1/limits");
+export const fetchSamples = async () => (await json<SampleList>("/v1/samples")).samples;
+export const fetchJob = (id: string, signal?: AbortSignal) =>
+  json<Job>(`/v1/jobs/${id}`, signal === undefined ? {} : { signal });
+export const cancelJob = (job: Job) => json<Job>(job.links.cancel ?? job.links.self, { method: "POST" });
+export const retryJob = (job: Job) => json<Job>(job.links.retry ?? job.links.self, { method: "POST" });
+export const deleteJob = (job: Job) => call(job.links.self, { method: "DELETE" });
+
+/** A page of jobs, newest first, from `cursor` on. */
+export const fetchJobs = (limit: number, cursor?: string) =>
+  json<JobList>(`/v1/jobs?limit=${limit}${cursor === undefined ? "" : `&cursor=${encodeURIComponent(cursor)}`}`);
+
+export interface Submission {
+  mask: Blob;
+  params: Record<string, unknown>;
+  labels: Record<string, string>;
+  /** Also when equal work was done before. */
+  anew: boolean;
+}
+
+export function submissionQuery({ params, labels }: Pick<Submission, "params" | "labels">): string {
+  const query = new URLSearchParams();
+  if (Object.keys(params).length > 0) query.set("params", JSON.stringify(params));
+  if (Object.keys(labels).length > 0) query.set("labels", JSON.stringify(labels));
+  return query.size > 0 ? `?${query}` : "";
+}
+
+/** Sends a mask; `onSent` hears the share that has been sent. By XMLHttpRequest: fetch does not tell of that. */
+export function submit(submission: Submission, onSent: (share: number) => void): Promise<Job> {
+  const request = new XMLHttpRequest();
+  request.open("POST", `/v1/jobs${submissionQuery(submission)}`);
+  const more: Record<string, string> = submission.anew ? { "Cache-Control": "no-cache" } : {};
+  for (const [name, value] of Object.entries(headers(more))) request.setRequestHeader(name, value);
+  // Keeps browsers from making up a media type from the file's name.
+  request.setRequestHeader("Content-Type", "application/octet-stream");
+  request.upload.onprogress = (event) => onSent(event.total > 0 ? event.loaded / event.total : 0);
+  return new Promise((resolve, reject) => {
+    const refuse = (problem: Problem) => reject(new Refused(problem));
+    request.onload = () => {
+      if (request.status < 300) resolve(JSON.parse(request.responseText));
+      else refuse(noteRefusal(readProblem(request.status, request.responseText)));
+    };
+    request.onerror = () =>
+      refuse(strange("The mask could not be sent", "The connection ended before there was an answer."));
+    request.send(submission.mask);
+  });
+}
+
+/** A result of a job. */
+export function fetchResult(job: Job, name: string, signal?: AbortSignal): Promise<Response> {
+  return call(resultPath(job, name), signal === undefined ? {} : { signal });
+}
+
+export function resultPath(job: Job, name: string): string {
+  return job.results.find((file) => file.name === name)?.href ?? `${job.links.self}/results/${name}`;
+}

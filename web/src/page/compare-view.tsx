@@ -1,0 +1,123 @@
+import { useMemo } from "preact/hooks";
+import type { Job } from "../api/client";
+import type { CameraState } from "../viewer";
+import { type Difference, difference } from "./difference";
+import { useJob } from "./job-view";
+import { LayerPanel } from "./layer-panel";
+import { ProblemNote } from "./problem";
+import { type Loaded, useResult } from "./result";
+import { href } from "./route";
+import { fileNames } from "./send";
+import { Style, View } from "./view";
+import { Viewer } from "./viewer";
+import { nameOf, number, plural } from "./words";
+
+/** Two jobs side by side: one camera, one set of layers, and where they differ. */
+export function CompareView({ ids }: { ids: [string, string] }) {
+  const [first, second] = [useSide(ids[0]), useSide(ids[1])];
+  const style = useMemo(() => new Style(), []);
+  const [a, b] = [first.loaded, second.loaded];
+  const views = useMemo(() => a && b && viewsOf(a, b, style), [a, b, style]);
+  const problem = first.problem ?? second.problem;
+  if (problem) return <ProblemNote title="The jobs cannot be compared" problem={problem} />;
+  if (!views || !first.job || !second.job) return <p class="hint">Loading both results …</p>;
+  const link = (view: View) => (camera: CameraState) => {
+    const other = view.partner?.viewer.value;
+    if (other) other.camera = camera;
+  };
+  const sides = [
+    { job: first.job, view: views.first, loaded: a },
+    { job: second.job, view: views.second, loaded: b },
+  ];
+  return (
+    <article class="compare" aria-labelledby="compare-title">
+      <h2 id="compare-title">Two jobs side by side</h2>
+      <div class="pair">
+        {sides.map(
+          ({ job, view, loaded }, at) =>
+            loaded && (
+              <section key={job.id} aria-label={at === 0 ? "First job" : "Second job"}>
+                <h3>
+                  <a href={href({ at: "job", id: job.id })}>{fileNames.value.get(job.id) ?? nameOf(job)}</a>
+                </h3>
+                <Viewer
+                  glb={loaded.glb}
+                  view={view}
+                  label={`${at === 0 ? "First" : "Second"} job, ${nameOf(job)}`}
+                  onCamera={link(view)}
+                />
+              </section>
+            ),
+        )}
+      </div>
+      <div class="panels">
+        <section class="fold">
+          <h3>Difference</h3>
+          <DifferenceText difference={views.difference} />
+        </section>
+        <section class="fold">
+          <h3>Show</h3>
+          <LayerPanel view={views.second} />
+        </section>
+      </div>
+    </article>
+  );
+}
+
+function useSide(id: string) {
+  const { job, problem } = useJob(id);
+  const result = useResult(job);
+  return { job, loaded: result.loaded, problem: problem ?? result.problem ?? unfinished(job) };
+}
+
+function unfinished(job: Job | undefined) {
+  if (job === undefined || job.state === "succeeded") return null;
+  const { error } = job;
+  return (
+    error ?? {
+      type: "about:blank",
+      code: "no_result",
+      title: "No result",
+      status: 0,
+      retryable: true,
+      detail: `${nameOf(job)} has no result yet`,
+    }
+  );
+}
+
+function viewsOf(a: Loaded, b: Loaded, style: Style) {
+  const found = difference(a.result, b.result);
+  const first = new View(a.numbers, a.result, style, found.ofFirst);
+  const second = new View(b.numbers, b.result, style, found.ofSecond);
+  // One scale for both.
+  first.partner = second;
+  second.partner = first;
+  if (found.summary !== null) style.colorBy("difference");
+  return { first, second, difference: found };
+}
+
+function DifferenceText({ difference: { summary, left } }: { difference: Difference }) {
+  return (
+    <>
+      {summary === null ? (
+        <p>Nothing can be compared node by node.</p>
+      ) : (
+        <p>
+          Second minus first, over {plural(summary.nodes, "node")}: mean {number(summary.mean, 3)} mm, standard
+          deviation {number(summary.sd, 3)} mm, largest {number(summary.largest, 3)} mm.
+        </p>
+      )}
+      {left.length > 0 && (
+        <ul>
+          {left.map((saying) => (
+            <li key={saying}>{saying}</li>
+          ))}
+        </ul>
+      )}
+      <p class="hint">
+        Node (i, j) is compared with node (i, j). That means something when both lattices lie on the same object in the
+        same frame.
+      </p>
+    </>
+  );
+}

@@ -1,0 +1,137 @@
+import { cssColorOf } from "../model/colors";
+import { QUANTITIES, valuesOf } from "../model/quantity";
+import type { Spread, Structure } from "../model/thickness";
+import { nodeAreas } from "./area";
+import { type Bin, histogram } from "./histogram";
+import type { View } from "./view";
+import { number } from "./words";
+
+const BINS = 24;
+/** Of the drawing; it is scaled to the width there is. */
+const [WIDTH, HEIGHT] = [240, 90];
+
+/** How the sheets' area is spread over the values, and the summary of each structure. */
+export function ThicknessPanel({ view }: { view: View }) {
+  const shown = view.numbers.structures.filter(
+    ({ index, figures }) => figures.length > 0 && view.shownStructures.value.has(index),
+  );
+  return (
+    <>
+      <Histogram view={view} />
+      <SummaryTable structures={shown} />
+    </>
+  );
+}
+
+function Histogram({ view }: { view: View }) {
+  // Of what has no values there is no spread.
+  const quantity = QUANTITIES[view.style.color.value].kind === "categorical" ? "total" : view.style.color.value;
+  const { label, unit } = QUANTITIES[quantity];
+  const range = quantity === view.style.color.value ? view.range.value : spanOf(weighted(view, quantity));
+  const bins = histogram(weighted(view, quantity), range, BINS);
+  const most = Math.max(...bins.map(({ weight }) => weight), 1e-9);
+  const all = bins.reduce((sum, { weight }) => sum + weight, 0);
+  const bar = ({ from, to, weight }: Bin, at: number) => (
+    <rect
+      key={at}
+      x={(at * WIDTH) / BINS}
+      width={WIDTH / BINS - 1}
+      y={HEIGHT - (HEIGHT * weight) / most}
+      height={(HEIGHT * weight) / most}
+      fill={cssColorOf(quantity, (from + to) / 2, range)}
+    >
+      <title>{`${number(from)} to ${number(to)}: ${number((100 * weight) / (all || 1), 1)} % of the area`}</title>
+    </rect>
+  );
+  return (
+    <figure class="histogram">
+      <figcaption>
+        {label}
+        {unit && `, ${unit}`}: share of the sheet's area
+      </figcaption>
+      <svg
+        viewBox={`0 0 ${WIDTH} ${HEIGHT}`}
+        role="img"
+        aria-label={`Histogram of ${label}; the table has the figures`}
+      >
+        {bins.map(bar)}
+      </svg>
+      <div class="row ends">
+        <span>{number(range[0])}</span>
+        <span>{number(range[1])}</span>
+      </div>
+    </figure>
+  );
+}
+
+function weighted(view: View, quantity: Parameters<typeof valuesOf>[1]) {
+  const hidden = view.style.hidden.value;
+  const figures = view.result.structures
+    .filter(({ index }) => !hidden.has(`${index}`))
+    .flatMap(({ index, figures }) => figures.filter((figure) => !hidden.has(`${index}/${figure.index}`)));
+  return figures.flatMap((figure) => {
+    const areas = nodeAreas(figure, figure.medial);
+    return valuesOf(figure, quantity, "medial").flatMap((value, node) =>
+      value === null ? [] : [{ value, weight: areas[node] ?? 0 }],
+    );
+  });
+}
+
+function spanOf(values: { value: number }[]): [number, number] {
+  return values.reduce<[number, number]>(
+    ([low, high], { value }) => [Math.min(low, value), Math.max(high, value)],
+    values.length > 0 ? [Infinity, -Infinity] : [0, 1],
+  );
+}
+
+function SummaryTable({ structures }: { structures: Structure[] }) {
+  return (
+    <section class="scroll" tabIndex={0} aria-label="Summary of thickness">
+      <table>
+        <caption>Thickness in mm, weighted by area</caption>
+        <thead>
+          <tr>
+            <th scope="col">label</th>
+            <th scope="col">side</th>
+            <th scope="col">mean</th>
+            <th scope="col">sd</th>
+            <th scope="col">5 %</th>
+            <th scope="col">50 %</th>
+            <th scope="col">95 %</th>
+            <th scope="col">area, mm²</th>
+          </tr>
+        </thead>
+        <tbody>
+          {structures.flatMap(({ index, label, thickness_summary: { upper_mm, lower_mm, total_mm, area_mm2 } }) => [
+            <SpreadRow key={`${index}t`} label={label} side="both" spread={total_mm} area={area_mm2} />,
+            <SpreadRow key={`${index}u`} label={label} side="upper" spread={upper_mm} area={null} />,
+            <SpreadRow key={`${index}l`} label={label} side="lower" spread={lower_mm} area={null} />,
+          ])}
+        </tbody>
+      </table>
+    </section>
+  );
+}
+
+function SpreadRow({
+  label,
+  side,
+  spread,
+  area,
+}: {
+  label: number;
+  side: string;
+  spread: Spread;
+  area: number | null;
+}) {
+  return (
+    <tr class={side}>
+      <th scope="row">{label}</th>
+      <td>{side}</td>
+      {[spread.mean, spread.sd, spread.p5, spread.p50, spread.p95].map((value, at) => (
+        <td key={at}>{number(value)}</td>
+      ))}
+      <td>{area === null ? "" : number(area, 0)}</td>
+    </tr>
+  );
+}

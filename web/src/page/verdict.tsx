@@ -1,0 +1,55 @@
+import type { Structure, Verdict } from "../model/thickness";
+import { plural } from "./words";
+
+/** A refused structure has no verdict of its own: there is nothing to judge. */
+export type Judged = Verdict | "none";
+
+const WORDS: Record<Judged, string> = { pass: "pass", warn: "warn", fail: "fail", none: "refused" };
+const ORDER: Judged[] = ["pass", "warn", "none", "fail"];
+
+export function verdictOf(structure: Structure): Judged {
+  return structure.refusal ? "none" : (structure.quality.verdict ?? "none");
+}
+
+export function worstOf(structures: Structure[]): Judged {
+  return structures.map(verdictOf).reduce((a, b) => (ORDER.indexOf(a) > ORDER.indexOf(b) ? a : b), "pass");
+}
+
+export function VerdictBadge({ verdict }: { verdict: Judged }) {
+  return <span class={`verdict ${verdict}`}>{WORDS[verdict]}</span>;
+}
+
+/** How far each structure can be trusted, and why not further. */
+export function VerdictPanel({ structures }: { structures: Structure[] }) {
+  const telling = structures.filter((structure) => sayings(structure).length > 0);
+  const quiet = structures.length - telling.length;
+  return (
+    <>
+      {quiet > 0 && (
+        <p>
+          {telling.length === 0
+            ? "All measures are within their limits"
+            : `${plural(quiet, "structure")} within all limits`}
+          .
+        </p>
+      )}
+      <ul class="verdicts">
+        {telling.map((structure) => (
+          <li key={structure.index}>
+            <VerdictBadge verdict={verdictOf(structure)} /> label {structure.label}
+            <ul>
+              {sayings(structure).map((saying) => (
+                <li key={saying}>{saying}</li>
+              ))}
+            </ul>
+          </li>
+        ))}
+      </ul>
+    </>
+  );
+}
+
+function sayings({ refusal, quality, warnings }: Structure): string[] {
+  if (refusal) return [refusal.message, ...(refusal.hint ? [refusal.hint] : [])];
+  return [...(quality.reasons ?? []), ...warnings].map(({ message }) => message);
+}

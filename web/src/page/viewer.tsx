@@ -1,0 +1,63 @@
+import { useSignalEffect } from "@preact/signals";
+import { useEffect, useRef } from "preact/hooks";
+import type { NodeInfo } from "../model/node-info";
+import { type CameraState, MedialViewer } from "../viewer";
+import { LAYERS, type View } from "./view";
+
+interface Props {
+  glb: ArrayBuffer;
+  view: View;
+  label: string;
+  onCamera?(camera: CameraState): void;
+}
+
+/** The 3D view as a part of the page: follows the state of `view`, and tells it what is pointed at. */
+export function Viewer({ glb, view, label, onCamera }: Props) {
+  const holder = useRef<HTMLDivElement>(null);
+  const element = useRef<MedialViewer | null>(null);
+  element.current ??= new MedialViewer();
+  const viewer = element.current;
+  useEffect(() => {
+    holder.current?.append(viewer);
+    // What cannot be shown is told by the element itself.
+    viewer.load(glb, view.numbers).catch(() => {});
+    viewer.difference = view.difference;
+    view.viewer.value = viewer;
+    return () => viewer.remove();
+  }, [glb, view]);
+  useEffect(() => {
+    const listening = new AbortController();
+    const on = <T,>(type: string, heard: (detail: T) => void) =>
+      viewer.addEventListener(type, (event) => heard((event as CustomEvent<T>).detail), { signal: listening.signal });
+    on<NodeInfo | null>("nodehover", (node) => {
+      view.hovered.value = node;
+    });
+    on<NodeInfo[]>("nodepick", (nodes) => {
+      view.picked.value = nodes;
+      const last = nodes.at(-1);
+      if (last) view.showFlat(last.structure, last.figure);
+    });
+    on("rangechange", () => {
+      view.style.range.value = viewer.range;
+    });
+    on<CameraState>("camerachange", (camera) => onCamera?.(camera));
+    return () => listening.abort();
+  }, [viewer, view, onCamera]);
+  useEffect(() => viewer.setAttribute("label", label), [viewer, label]);
+  useSignalEffect(() => {
+    for (const [layer] of LAYERS) viewer.setLayer(layer, view.style.layers.value.has(layer));
+  });
+  useSignalEffect(() => {
+    const hidden = view.style.hidden.value;
+    for (const { index, figures } of view.result.structures) {
+      viewer.setStructure(index, !hidden.has(`${index}`));
+      for (const figure of figures) viewer.setFigure(index, figure.index, !hidden.has(`${index}/${figure.index}`));
+    }
+  });
+  useSignalEffect(() => {
+    viewer.color = view.style.color.value;
+    viewer.range = view.partner === null ? view.style.range.value : view.range.value;
+  });
+  useSignalEffect(() => viewer.mark(view.hovered.value));
+  return <div class="viewer" ref={holder} />;
+}
