@@ -13,7 +13,8 @@ use super::error::{ApiError, PROBLEM_JSON};
 use crate::jobs::queue::Jobs;
 use crate::problem::Problem;
 
-const INDEX: &str = "\
+/// What is where.
+pub(super) const INDEX: &str = "\
 medialrep: a label mask (NIfTI) in, its medial sheet, surfaces and thickness vectors out.
 
   POST   /v1/jobs                      the mask as the body, or a form with mask and params
@@ -48,12 +49,6 @@ impl Health {
     fn new(status: &'static str) -> Self {
         Self { status, version: env!("CARGO_PKG_VERSION"), warnings: Vec::new() }
     }
-}
-
-/// What is where.
-#[utoipa::path(get, path = "/", tag = "operation", security(()), responses((status = 200, body = String, content_type = "text/plain", description = "A short text")))]
-pub async fn index() -> &'static str {
-    INDEX
 }
 
 /// Whether the process runs.

@@ -87,6 +87,8 @@ mod api_wire;
 
 mod api_document;
 
+mod api_page;
+
 mod webhooks_send;
 
 mod tidy;
