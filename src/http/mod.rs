@@ -32,6 +32,8 @@ mod ops;
 
 mod limits;
 
+mod samples;
+
 mod docs;
 
 pub mod web;
@@ -68,6 +70,7 @@ const CORS_MAX_AGE: Duration = Duration::from_secs(600);
     ),
     tags(
         (name = "jobs", description = "Send a mask, watch its job, take its results."),
+        (name = "samples", description = "Masks to try the service on."),
         (name = "operation", description = "Whether the service works, and what it can do.")
     ),
     components(schemas(params_schema::ParamsSchema, events::StateEvent)),
@@ -159,6 +162,8 @@ fn routes() -> OpenApiRouter<Arc<Jobs>> {
         .routes(routes!(results::pick))
         .routes(routes!(results::result))
         .routes(routes!(limits::limits))
+        .routes(routes!(samples::samples))
+        .routes(routes!(samples::sample))
         .routes(routes!(web::front))
         .routes(routes!(ops::livez))
         .routes(routes!(ops::readyz))

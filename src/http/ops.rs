@@ -26,7 +26,9 @@ medialrep: a label mask (NIfTI) in, its medial sheet, surfaces and thickness vec
   POST   /v1/jobs/{id}/cancel          stop it
   POST   /v1/jobs/{id}/retry           run it again
   DELETE /v1/jobs/{id}                 erase it, mask and results
-  GET    /v1/limits                    what is taken in, and how long it is kept
+  GET    /v1/samples                   masks to try it on
+  GET    /v1/samples/{name}            one of them, gzip NIfTI
+  GET    /v1/limits                    what is taken in, how long it is kept, and the parameters
   GET    /livez, /readyz, /metrics     whether the service runs, whether it works, how well
   GET    /openapi.yaml, /docs          all of this in full, and to be tried out
 

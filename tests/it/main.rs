@@ -89,6 +89,8 @@ mod api_document;
 
 mod api_page;
 
+mod api_samples;
+
 mod webhooks_send;
 
 mod tidy;
