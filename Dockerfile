@@ -1,5 +1,14 @@
 # The image holds one static program and one writable folder, /data. No shell, no libraries, no root.
 
+FROM docker.io/library/node:22-bookworm-slim AS web
+WORKDIR /build/web
+# Dependencies in a layer of their own, here and below: they change seldom and take most of the time.
+COPY web/package.json web/package-lock.json ./
+RUN npm ci
+COPY openapi.yaml /build/
+COPY web ./
+RUN npm run build
+
 FROM docker.io/library/rust:1.95-slim-bookworm AS build
 WORKDIR /build
 # Static, so that the last stage needs nothing. The target is named so that these flags are not
@@ -7,7 +16,6 @@ WORKDIR /build
 ENV RUSTFLAGS="-C target-feature=+crt-static" CARGO_TERM_COLOR=never
 RUN rustc -vV | sed -n 's/^host: //p' > /target && mkdir -p /empty
 
-# Dependencies in a layer of their own: they change seldom and take most of the time.
 COPY Cargo.toml Cargo.lock ./
 RUN mkdir src benches \
     && echo '//! Nothing yet.' > src/lib.rs \
@@ -15,8 +23,10 @@ RUN mkdir src benches \
     && cargo build --release --locked --target "$(cat /target)" \
     && rm -r src
 
+COPY build.rs ./
 COPY migrations migrations
 COPY src src
+COPY --from=web /build/web/dist web/dist
 RUN touch src/lib.rs src/main.rs \
     && cargo build --release --locked --target "$(cat /target)" \
     && cp "target/$(cat /target)/release/medialrep" /medialrep \

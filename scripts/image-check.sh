@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
-# Builds the image and runs a job through it, also where no image registry is reachable: the base
-# image is stood in for by a Debian made here with debootstrap and this machine's Rust toolchain,
-# tagged with the name that the Dockerfile uses. Package sources, certificates and cargo settings
-# are those of this machine and go into the stand-in only. Needs root.
+# Builds the image, looks at its page and runs a job through it, also where no image registry is
+# reachable: the base images are stood in for by a Debian made here with debootstrap, with this
+# machine's Rust toolchain and with its Node.js, tagged with the names that the Dockerfile uses.
+# Package sources, certificates, cargo and npm settings are those of this machine and go into the
+# stand-ins only. Needs root, Node.js and npm.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -28,6 +29,7 @@ trap clean_up EXIT
 
 need_tools() {
     local missing=()
+    for tool in node npm; do command -v "$tool" >/dev/null || fail "needs $tool"; done
     for tool in buildah debootstrap curl; do command -v "$tool" >/dev/null || missing+=("$tool"); done
     [ ${#missing[@]} -eq 0 ] && return
     [ "$(id -u)" = 0 ] || fail "needs root, and ${missing[*]}"
@@ -39,13 +41,19 @@ mirror() {
         awk -v suite="$suite" '$2 == suite && $3 == "main" { print $1; exit }'
 }
 
-# The Rust image: Debian, a C compiler, and the toolchain of this machine.
-make_stand_in() {
-    local name=$1 root=$cache/root-$suite toolchain from
-    toolchain=$(rustc -V)
-    if [ "$(images inspect --type image --format '{{index .Docker.Config.Labels "toolchain"}}' "$name" 2>/dev/null)" = "$toolchain" ]; then
-        return
-    fi
+# What the Dockerfile builds the stage of this name on.
+base_of() { sed -n "s/^FROM \([^ ]*\) AS $1\$/\1/p" Dockerfile; }
+
+# Whether this stand-in was made before, with the same tools.
+is_made() {
+    [ "$(images inspect --type image --format '{{index .Docker.Config.Labels "toolchain"}}' "$1" 2>/dev/null)" = "$2" ]
+}
+
+put() { images copy --quiet "$container" "$1" "$2" >/dev/null; }
+
+# A container of Debian with a C compiler and this machine's certificates.
+begin_stand_in() {
+    local name=$1 root=$cache/root-$suite from
     from=$(mirror)
     if [ ! -e "$root/complete" ]; then
         say "making a Debian $suite"
@@ -58,12 +66,40 @@ make_stand_in() {
     say "making a stand-in for $name"
     images rmi --force "$name" >/dev/null 2>&1 || true
     container=$(images from scratch)
-    images copy --quiet "$container" "$root" / >/dev/null
-    images copy --quiet "$container" "$(rustc --print sysroot)" /usr/local/rust >/dev/null
-    images copy --quiet "$container" /etc/ssl/certs/ca-certificates.crt /etc/ssl/certs/ca-certificates.crt >/dev/null
-    local settings=${CARGO_HOME:-$HOME/.cargo}/config.toml
-    if [ -e "$settings" ]; then images copy --quiet "$container" "$settings" /usr/local/cargo/config.toml >/dev/null; fi
+    put "$root" /
+    put /etc/ssl/certs/ca-certificates.crt /etc/ssl/certs/ca-certificates.crt
+}
+
+# The Rust image: the toolchain of this machine.
+make_rust_stand_in() {
+    local name=$1 toolchain settings=${CARGO_HOME:-$HOME/.cargo}/config.toml
+    toolchain=$(rustc -V)
+    if is_made "$name" "$toolchain"; then return; fi
+    begin_stand_in "$name"
+    put "$(rustc --print sysroot)" /usr/local/rust
+    if [ -e "$settings" ]; then put "$settings" /usr/local/cargo/config.toml; fi
     images config --env PATH=/usr/local/rust/bin:/usr/bin:/bin --env CARGO_HOME=/usr/local/cargo \
+        --label "toolchain=$toolchain" "$container"
+    images commit --quiet --rm "$container" "$name" >/dev/null
+}
+
+# The Node.js image: node and npm of this machine.
+make_node_stand_in() {
+    local name=$1 toolchain tree=$work/node settings
+    toolchain="node $(node -v), npm $(npm -v 2>/dev/null)"
+    if is_made "$name" "$toolchain"; then return; fi
+    mkdir -p "$tree/usr/bin" "$tree/usr/lib/node_modules" "$tree/root"
+    cp "$(readlink -f "$(command -v node)")" "$tree/usr/bin/node"
+    cp -a "$(dirname "$(dirname "$(readlink -f "$(command -v npm)")")")" "$tree/usr/lib/node_modules/npm"
+    ln -s ../lib/node_modules/npm/bin/npm-cli.js "$tree/usr/bin/npm"
+    settings=$(npm config get userconfig 2>/dev/null)
+    if [ -e "$settings" ]; then cp "$settings" "$tree/root/.npmrc"; fi
+    begin_stand_in "$name"
+    put "$tree" /
+    images config --env PATH=/usr/bin:/bin --env HOME=/root \
+        --env NODE_EXTRA_CA_CERTS=/etc/ssl/certs/ca-certificates.crt \
+        --env NPM_CONFIG_CAFILE=/etc/ssl/certs/ca-certificates.crt \
+        --env "NPM_CONFIG_REGISTRY=$(npm config get registry 2>/dev/null)" \
         --label "toolchain=$toolchain" "$container"
     images commit --quiet --rm "$container" "$name" >/dev/null
 }
@@ -94,6 +130,16 @@ stop_server() {
     kill -TERM "$process"
     wait "$server" || true
     server=
+}
+
+look_at_page() {
+    local url=http://127.0.0.1:$port page
+    page=$(curl -sf --header 'Accept: text/html' "$url/") || fail "no page"
+    [[ $page == *page.js* ]] || fail "the page is not built into the image: $page"
+    for name in page.js viewer.js; do
+        curl -sf -o "$work/$name" "$url/$name" || fail "no $name"
+        [ -s "$work/$name" ] || fail "$name is empty"
+    done
 }
 
 run_job() {
@@ -135,8 +181,8 @@ start_read_only() {
 
 need_tools
 mkdir -p "$cache" "$work/data" "$work/share"
-base=$(sed -n 's/^FROM \([^ ]*\) AS build$/\1/p' Dockerfile)
-make_stand_in "$base"
+make_rust_stand_in "$(base_of build)"
+make_node_stand_in "$(base_of web)"
 build
 chown 65532:65532 "$work/data" "$work/share"
 container=$(images from --pull-never "$image")
@@ -144,6 +190,7 @@ in_image /medialrep sample "${IMAGE_CHECK_SAMPLE:-ellipsoid}" --out /share/sampl
 mounted=$(images mount "$container")
 find "$mounted" | sort >"$work/before"
 start_in_buildah
+look_at_page
 run_job
 stop_server
 find "$mounted" | sort >"$work/after"
@@ -152,4 +199,4 @@ start_read_only
 run_job
 [ "$(stat -c %u "/proc/$server")" = 65532 ] || fail "the service does not run as 65532"
 stop_server
-say "passed: $size, user $user, a job on a read-only root"
+say "passed: $size, user $user, the page, a job on a read-only root"

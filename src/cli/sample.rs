@@ -23,7 +23,7 @@ pub struct SampleArgs {
     #[arg(long, value_name = "FILE.nii.gz", required_unless_present = "list")]
     out: Option<PathBuf>,
     /// Voxel spacing in mm: one number, or three along i, j and k
-    #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', default_value = "1", num_args = 1)]
+    #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', default_values_t = [samples::SPACING_MM], num_args = 1)]
     spacing: Vec<f64>,
     /// Turn the voxel grid by this angle about the axis (1, 2, 3), so that it is oblique
     #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_hyphen_values = true)]

@@ -169,7 +169,7 @@ fn internal(error: &dyn std::fmt::Display) -> ApiError {
 }
 
 /// Answer for a path that is no route.
-pub async fn no_such_route(uri: Uri) -> ApiError {
+pub fn no_such_route(uri: &Uri) -> ApiError {
     let detail = if uri.path().starts_with("/v1/") { "there is nothing at this path" } else { "there is no such page" };
     Problem::new(404, "no_such_route", detail).hint("GET / says what is where, GET /openapi.yaml in full").into()
 }

@@ -6,8 +6,10 @@ use std::time::Duration;
 use axum::Json;
 use axum::extract::State;
 use serde::Serialize;
+use serde_json::Value;
 
 use super::jobs::MAX_WAIT_S;
+use super::params_schema::ParamsSchema;
 use crate::jobs::process::ARTIFACTS;
 use crate::jobs::queue::Jobs;
 use crate::pipeline::params::LABEL_COUNT;
@@ -50,6 +52,9 @@ pub struct Limits {
     results: [&'static str; 4],
     /// Whether webhooks are sent.
     webhooks: bool,
+    /// The parameters as JSON Schema (that of Params), to make a form from: bounds, defaults, descriptions.
+    #[schema(value_type = Object)]
+    params: Value,
 }
 
 /// Seconds after the end of a job; null is for ever.
@@ -94,5 +99,6 @@ pub async fn limits(State(jobs): State<Arc<Jobs>>) -> Json<Limits> {
         },
         results: ARTIFACTS.map(|(name, _)| name),
         webhooks: jobs.webhooks().is_some(),
+        params: ParamsSchema::json(),
     })
 }

@@ -21,6 +21,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use self::auth::Access;
+use self::web::Page;
 use crate::jobs::queue::Jobs;
 
 pub mod server;
@@ -31,7 +32,11 @@ mod ops;
 
 mod limits;
 
+mod samples;
+
 mod docs;
+
+pub mod web;
 
 mod jobs;
 
@@ -65,6 +70,7 @@ const CORS_MAX_AGE: Duration = Duration::from_secs(600);
     ),
     tags(
         (name = "jobs", description = "Send a mask, watch its job, take its results."),
+        (name = "samples", description = "Masks to try the service on."),
         (name = "operation", description = "Whether the service works, and what it can do.")
     ),
     components(schemas(params_schema::ParamsSchema, events::StateEvent)),
@@ -86,16 +92,22 @@ impl Modify for Token {
     }
 }
 
-/// The service's routes.
+/// The service's routes, and the page that this program was built with.
 pub fn router(jobs: Arc<Jobs>, access: Access) -> Router {
+    router_with_page(jobs, access, Page::built())
+}
+
+/// The service's routes, and that page.
+pub fn router_with_page(jobs: Arc<Jobs>, access: Access, page: Page) -> Router {
     let (routes, _) = routes().split_for_parts();
     let header = SetResponseHeaderLayer::if_not_present;
     let (cors, own_origin) = (cors(&access.cors_origins), HeaderName::from_static("cross-origin-resource-policy"));
     routes
-        .fallback(error::no_such_route)
+        .fallback(web::file)
         .method_not_allowed_fallback(error::wrong_method)
         .with_state(Arc::clone(&jobs))
         .layer(Extension(Arc::new(access)))
+        .layer(Extension(page))
         .layer(cors)
         .layer(CatchPanicLayer::custom(error::handler_panicked))
         .layer(header(CACHE_CONTROL, HeaderValue::from_static("no-store")))
@@ -150,7 +162,9 @@ fn routes() -> OpenApiRouter<Arc<Jobs>> {
         .routes(routes!(results::pick))
         .routes(routes!(results::result))
         .routes(routes!(limits::limits))
-        .routes(routes!(ops::index))
+        .routes(routes!(samples::samples))
+        .routes(routes!(samples::sample))
+        .routes(routes!(web::front))
         .routes(routes!(ops::livez))
         .routes(routes!(ops::readyz))
         .routes(routes!(ops::metrics))

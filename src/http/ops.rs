@@ -13,7 +13,8 @@ use super::error::{ApiError, PROBLEM_JSON};
 use crate::jobs::queue::Jobs;
 use crate::problem::Problem;
 
-const INDEX: &str = "\
+/// What is where.
+pub(super) const INDEX: &str = "\
 medialrep: a label mask (NIfTI) in, its medial sheet, surfaces and thickness vectors out.
 
   POST   /v1/jobs                      the mask as the body, or a form with mask and params
@@ -25,7 +26,9 @@ medialrep: a label mask (NIfTI) in, its medial sheet, surfaces and thickness vec
   POST   /v1/jobs/{id}/cancel          stop it
   POST   /v1/jobs/{id}/retry           run it again
   DELETE /v1/jobs/{id}                 erase it, mask and results
-  GET    /v1/limits                    what is taken in, and how long it is kept
+  GET    /v1/samples                   masks to try it on
+  GET    /v1/samples/{name}            one of them, gzip NIfTI
+  GET    /v1/limits                    what is taken in, how long it is kept, and the parameters
   GET    /livez, /readyz, /metrics     whether the service runs, whether it works, how well
   GET    /openapi.yaml, /docs          all of this in full, and to be tried out
 
@@ -48,12 +51,6 @@ impl Health {
     fn new(status: &'static str) -> Self {
         Self { status, version: env!("CARGO_PKG_VERSION"), warnings: Vec::new() }
     }
-}
-
-/// What is where.
-#[utoipa::path(get, path = "/", tag = "operation", security(()), responses((status = 200, body = String, content_type = "text/plain", description = "A short text")))]
-pub async fn index() -> &'static str {
-    INDEX
 }
 
 /// Whether the process runs.

@@ -90,8 +90,16 @@ impl ToSchema for ParamsSchema {
 
 impl PartialSchema for ParamsSchema {
     fn schema() -> RefOr<Schema> {
+        schema(Self::json())
+    }
+}
+
+impl ParamsSchema {
+    /// It as JSON Schema, in the order in which a reader wants the parameters; the description of
+    /// the API sorts them.
+    pub fn json() -> serde_json::Value {
         let length = |what: &str| json!({"type": "number", "minimum": LENGTH_MM.start(), "maximum": LENGTH_MM.end(), "description": what});
-        schema(json!({
+        json!({
             "type": "object",
             "additionalProperties": false,
             "description": "Every parameter is optional; an unknown name, a wrong type or a value out of range is \
@@ -149,7 +157,7 @@ impl PartialSchema for ParamsSchema {
                                     standard deviation."
                 }
             }
-        }))
+        })
     }
 }
 

@@ -116,7 +116,7 @@ fn preferred(accept: &str) -> Option<&'static str> {
 }
 
 /// `type/subtype;q=0.5`.
-fn media_range(text: &str) -> (&str, f32) {
+pub fn media_range(text: &str) -> (&str, f32) {
     let mut parts = text.split(';').map(str::trim);
     let range = parts.next().unwrap_or_default();
     let weight = parts.find_map(|part| part.strip_prefix("q=")).and_then(|q| q.parse().ok()).unwrap_or(1.0);

@@ -26,33 +26,78 @@ pub fn spacing_variation(size: LatticeSize, nodes: &[Point3<f64>]) -> f64 {
     (along / rows as f64 + across / cols as f64) / 2.0
 }
 
-/// How the medial quads differ between space and the intrinsic plane, `plane` being the plane
-/// coordinates of the medial nodes.
+/// The medial quads of a figure in space and in the intrinsic plane.
 ///
-/// The area ratio of a quad is its share of the sheet's area in space over its share in the
-/// plane: 1 everywhere when areas are kept up to scale. The angle is the one between the two
-/// lattice directions at each corner of a quad. Infinite where a quad has no area; zero without
-/// quads.
-#[must_use]
-pub fn distortion(shell: Shell<'_>, plane: &[Point2<f64>]) -> Distortion {
-    let flat: Vec<Point3<f64>> = plane.iter().map(|p| Point3::new(p.x, p.y, 0.0)).collect();
-    let quads: Vec<Quad> = shell.quads().collect();
-    let areas: Vec<[f64; 2]> =
-        quads.iter().map(|q| [area(q.nodes.map(|n| shell.medial[n])), area(q.nodes.map(|n| flat[n]))]).collect();
-    let all = areas.iter().fold([0.0; 2], |sum, a| [sum[0] + a[0], sum[1] + a[1]]);
-    let mut result = Distortion::default();
-    let mut variance = 0.0;
-    for [in_space, in_plane] in areas {
-        let ratio = (in_space / all[0]) / (in_plane / all[1]);
-        // Weights are shares of the plane: their mean ratio is 1.
-        variance += in_plane / all[1] * (ratio - 1.0).powi(2);
-        result.area_max_log = worse(result.area_max_log, ratio.ln().abs());
+/// The area ratio of quads is their share of the sheet's area in space over their share in the
+/// plane: 1 everywhere when areas are kept up to scale.
+pub struct FlatQuads<'a> {
+    space: &'a [Point3<f64>],
+    plane: Vec<Point3<f64>>,
+    quads: Vec<Quad>,
+    /// Of each quad, in space and in the plane.
+    areas: Vec<[f64; 2]>,
+    /// Their sum.
+    whole: [f64; 2],
+}
+
+impl<'a> From<&'a Nodes> for FlatQuads<'a> {
+    fn from(nodes: &'a Nodes) -> Self {
+        Self::of(nodes.into(), &nodes.intrinsic.medial)
     }
-    result.area_sd = worse(0.0, variance.sqrt());
-    let angles: Vec<f64> = quads.iter().flat_map(|q| corner_turns(shell.medial, &flat, q)).collect();
-    result.angle_mean_deg = angles.iter().sum::<f64>() / angles.len().max(1) as f64;
-    result.angle_max_deg = angles.iter().copied().fold(0.0, worse);
-    result
+}
+
+impl<'a> FlatQuads<'a> {
+    /// Those of `shell`, `plane` being the plane coordinates of its medial nodes, in any unit.
+    #[must_use]
+    pub fn of(shell: Shell<'a>, plane: &[Point2<f64>]) -> Self {
+        let (space, quads) = (shell.medial, shell.quads().collect::<Vec<Quad>>());
+        let plane: Vec<Point3<f64>> = plane.iter().map(|p| Point3::new(p.x, p.y, 0.0)).collect();
+        let area_in = |points: &[Point3<f64>], quad: &Quad| area(quad.nodes.map(|n| points[n]));
+        let areas: Vec<_> = quads.iter().map(|quad| [area_in(space, quad), area_in(&plane, quad)]).collect();
+        let whole = areas.iter().fold([0.0; 2], |sum, a| [sum[0] + a[0], sum[1] + a[1]]);
+        Self { space, plane, quads, areas, whole }
+    }
+
+    /// Area ratio of quads that have these areas together; no number without any.
+    fn ratio(&self, [in_space, in_plane]: [f64; 2]) -> f64 {
+        (in_space / self.whole[0]) / (in_plane / self.whole[1])
+    }
+
+    /// How they differ, over all quads.
+    ///
+    /// The angle is the one between the two lattice directions at each corner of a quad. Infinite
+    /// where a quad has no area; zero without quads.
+    #[must_use]
+    pub fn distortion(&self) -> Distortion {
+        let mut result = Distortion::default();
+        let mut variance = 0.0;
+        for &areas in &self.areas {
+            let ratio = self.ratio(areas);
+            // Weights are shares of the plane: their mean ratio is 1.
+            variance += areas[1] / self.whole[1] * (ratio - 1.0).powi(2);
+            result.area_max_log = worse(result.area_max_log, ratio.ln().abs());
+        }
+        result.area_sd = worse(0.0, variance.sqrt());
+        let angles: Vec<f64> = self.quads.iter().flat_map(|q| corner_turns(self.space, &self.plane, q)).collect();
+        result.angle_mean_deg = angles.iter().sum::<f64>() / angles.len().max(1) as f64;
+        result.angle_max_deg = angles.iter().copied().fold(0.0, worse);
+        result
+    }
+
+    /// Natural logarithm of the area ratio of the quads round each node, one per node: above 0
+    /// where the plane shows the sheet too small. Not a number for a node without a quad, nor
+    /// finite where its quads have no area.
+    #[must_use]
+    pub fn log_ratio_per_node(&self) -> Vec<f64> {
+        let mut round = vec![[0.0; 2]; self.space.len()];
+        for (quad, [in_space, in_plane]) in self.quads.iter().zip(&self.areas) {
+            for &node in &quad.nodes {
+                round[node][0] += in_space;
+                round[node][1] += in_plane;
+            }
+        }
+        round.into_iter().map(|areas| self.ratio(areas).ln()).collect()
+    }
 }
 
 /// The larger of the two; what is no number is infinite.

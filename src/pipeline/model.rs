@@ -158,6 +158,9 @@ pub struct Figure {
     pub valid: Vec<bool>,
     /// Radius of the largest ball inside the object centred at a medial node, mm.
     pub medial_radius_mm: Vec<f64>,
+    /// Natural logarithm of (share of the medial sheet's area in space) / (share in the intrinsic
+    /// plane) of the quads round each node; not a number for a node without a quad.
+    pub area_distortion: Vec<f64>,
     /// Intrinsic coordinates of the nodes on each surface.
     pub intrinsic: PerSurface<Vec<ParamPoint>>,
     /// Neighbours per point of the ISOMAP graph, the mean where it varies.

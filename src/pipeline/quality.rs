@@ -8,7 +8,7 @@ use super::coverage::{SkinSearch, coverage};
 use super::depth::Depth;
 use super::legality::{Illegal, legality};
 use super::mask::Solid;
-use super::measures::{distortion, medial_offset, spacing_variation, worse};
+use super::measures::{FlatQuads, medial_offset, spacing_variation, worse};
 use super::model::{Distortion, FigureQuality, MeanAndP95, PerSurface, Repair, StructureQuality, TriangleMesh};
 use super::observer::{Cancelled, Observer};
 use super::shell::Shell;
@@ -16,12 +16,13 @@ use super::spokes::Nodes;
 use super::verdict::judge;
 
 /// What can be said of a figure by itself: legality of its parts, evenness of its lattice. How
-/// it fits the mask is added by [`structure_quality`].
+/// it fits the mask is added by [`structure_quality`]. `quads` are those of `nodes`.
 ///
 /// # Errors
 /// When the observer asks to stop.
 pub fn figure_quality(
     nodes: &Nodes,
+    quads: &FlatQuads<'_>,
     residual_variance: PerSurface<f64>,
     repair: Repair,
     observer: &dyn Observer,
@@ -45,7 +46,7 @@ pub fn figure_quality(
         repair: if is_untouched { Repair { folds_before: legality.folds, ..Repair::default() } } else { repair },
         self_intersections: closed(shell).map(crossings).transpose()?,
         spacing_variation: spacing_variation(nodes.size, &nodes.medial),
-        distortion: distortion(shell, &nodes.intrinsic.medial),
+        distortion: quads.distortion(),
         valid_share: nodes.valid.iter().filter(|v| **v).count() as f64 / nodes.valid.len().max(1) as f64,
         ..FigureQuality::default()
     })

@@ -16,6 +16,7 @@ use super::frame::{FrameFacts, Senses, framed};
 use super::isomap::{Flat, IsomapError, flatten};
 use super::lattice::lattice;
 use super::mask::{LabelBox, Solid, solid};
+use super::measures::FlatQuads;
 use super::medial::{MedialSurface, medial_surface};
 use super::model::{
     Figure, FlatPoints, Junction, PerSurface, Repair, StageTimings, Structure, StructureQuality, TriangleMesh, Verdict,
@@ -438,6 +439,7 @@ fn in_mm(points: &[Point2<f64>], voxel_mm: f64) -> Vec<ParamPoint> {
 fn figure(solid: &Solid, sheet: &SheetSides, draft: &Draft, observer: &dyn Observer) -> Result<Figure, Cancelled> {
     let Draft { nodes, flat, frame, automatic, repair } = draft;
     let mm = solid.voxel_mm;
+    let quads = FlatQuads::from(nodes);
     let residual = PerSurface {
         medial: flat.medial.residual_variance,
         upper: flat.upper.residual_variance,
@@ -455,6 +457,7 @@ fn figure(solid: &Solid, sheet: &SheetSides, draft: &Draft, observer: &dyn Obser
         crest: in_world(solid, &nodes.crest),
         valid: nodes.valid.clone(),
         medial_radius_mm: nodes.radii.iter().map(|r| r * mm).collect(),
+        area_distortion: quads.log_ratio_per_node(),
         intrinsic: PerSurface {
             medial: in_mm(&nodes.intrinsic.medial, mm),
             upper: in_mm(&nodes.intrinsic.upper, mm),
@@ -475,7 +478,7 @@ fn figure(solid: &Solid, sheet: &SheetSides, draft: &Draft, observer: &dyn Obser
             upper: points(&sheet.upper.surface.positions, &flat.upper),
             lower: points(&sheet.lower.surface.positions, &flat.lower),
         },
-        quality: figure_quality(nodes, residual, *repair, observer)?,
+        quality: figure_quality(nodes, &quads, residual, *repair, observer)?,
         frame: frame.clone(),
         automatic: automatic.clone(),
         uncertainty: None,

@@ -21,6 +21,9 @@ pub use voxelise::VoxeliseError;
 /// ball, within a band it is to this accuracy at worst and exactly for constant radius.
 const RADIUS_BAND_MM: f64 = 0.1;
 
+/// Voxel spacing of a sample that is asked for without one, mm.
+pub const SPACING_MM: f64 = 1.0;
+
 /// Every sample's name and what it is.
 pub fn list() -> impl Iterator<Item = (&'static str, &'static str)> {
     shapes::SHAPES.iter().map(|(name, about, _)| (*name, *about))

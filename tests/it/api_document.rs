@@ -1,9 +1,11 @@
 //! openapi.yaml: written by the program, true to the routes.
 
 use axum::http::Method;
+use medialrep::formats::params_json;
 use medialrep::http::openapi_yaml;
+use serde_json::{Value, json};
 
-use crate::support::Server;
+use crate::support::{Server, mask};
 
 const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/openapi.yaml");
 
@@ -35,7 +37,7 @@ fn operations() -> Vec<(Method, String)> {
 async fn every_route_in_the_document_is_served() {
     let server = Server::without_workers().await;
     let operations = operations();
-    assert_eq!(operations.len(), 16, "{operations:?}");
+    assert_eq!(operations.len(), 18, "{operations:?}");
     for (method, path) in operations {
         let answer = server.call(method.clone(), &path.replace("{id}", "1").replace("{name}", "x")).await;
         let media_type = answer.headers.get("content-type").map_or("", |value| value.to_str().unwrap());
@@ -46,11 +48,58 @@ async fn every_route_in_the_document_is_served() {
 }
 
 #[test]
+fn every_operation_has_a_name_of_its_own() {
+    let yaml = openapi_yaml();
+    let mut names: Vec<_> = yaml.lines().filter(|line| line.trim_start().starts_with("operationId:")).collect();
+    assert_eq!(names.len(), operations().len());
+    names.sort_unstable();
+    names.dedup();
+    assert_eq!(names.len(), operations().len(), "{names:?}");
+}
+
+#[test]
 fn every_answer_in_the_document_is_described() {
     let yaml = openapi_yaml();
     let blocks = yaml.split("\n        '").skip(1);
     let lacking: Vec<_> = blocks.filter(|block| !block.contains("\n          description: ")).collect();
     assert!(lacking.is_empty(), "{lacking:#?}");
+}
+
+/// The block of the schema Params in a document.
+fn params_of(yaml: &str) -> Vec<&str> {
+    let rest = yaml.lines().skip_while(|line| *line != "    Params:").skip(1);
+    rest.take_while(|line| line.starts_with("      ")).collect()
+}
+
+#[tokio::test]
+async fn the_limits_have_the_parameters_of_the_document() {
+    let server = Server::without_workers().await;
+    let told = server.get("/v1/limits").await.json()["params"].clone();
+    let document = json!({
+        "openapi": "3.1.0", "info": {"title": "", "version": ""}, "paths": {}, "components": {"schemas": {"Params": told}}
+    });
+    let yaml = serde_json::from_value::<utoipa::openapi::OpenApi>(document).unwrap().to_yaml().unwrap();
+    let file = openapi_yaml();
+    assert!(params_of(&yaml).len() > 50);
+    assert_eq!(params_of(&yaml), params_of(&file));
+    // In the order in which they are described, not in that of the alphabet.
+    let names: Vec<&str> = told["properties"].as_object().unwrap().keys().map(String::as_str).collect();
+    assert_eq!((&names[..3], names.last()), (&["labels", "grid", "spacing_mm"][..], Some(&"uncertainty")));
+}
+
+#[tokio::test]
+async fn the_defaults_that_the_limits_tell_are_accepted_and_change_nothing() {
+    let server = Server::without_workers().await;
+    let told = server.get("/v1/limits").await.json()["params"].clone();
+    let properties = told["properties"].as_object().unwrap();
+    let defaults: serde_json::Map<_, _> =
+        properties.iter().filter_map(|(name, schema)| Some((name.clone(), schema.get("default")?.clone()))).collect();
+    assert!(defaults.len() >= 7, "{defaults:?}");
+    let query: String = form_urlencoded::byte_serialize(Value::from(defaults.clone()).to_string().as_bytes()).collect();
+    let answer = server.post(&format!("/v1/jobs?params={query}"), mask()).await;
+    assert_eq!(answer.status, 202, "{}", answer.text());
+    let read = |params: &Value| params_json::parse(params.to_string().as_bytes()).unwrap();
+    assert_eq!(read(&defaults.into()), read(&json!({})));
 }
 
 #[tokio::test]

@@ -86,6 +86,7 @@ fn a_figure_has_every_node_in_row_major_order() {
         "thickness",
         "thickness_summary",
         "medial_radius_mm",
+        "area_distortion",
         "intrinsic",
         "neighbors",
         "landmarks",
@@ -101,6 +102,7 @@ fn a_figure_has_every_node_in_row_major_order() {
         &figure["lower"],
         &figure["valid"],
         &figure["medial_radius_mm"],
+        &figure["area_distortion"],
         &figure["vectors"]["upper"],
         &figure["thickness"]["total_mm"],
         &figure["intrinsic"]["lower"],
@@ -113,7 +115,9 @@ fn a_figure_has_every_node_in_row_major_order() {
     assert_eq!(figure["vectors"]["lower"][8], json!([0.0, 0.0, -2.0]));
     assert_eq!(figure["thickness"]["total_mm"][8], json!(5.125));
     assert_eq!(figure["quality"]["folded_cells"], json!([{"side": "upper", "i": 1, "j": 2}]));
+    assert_eq!(figure["area_distortion"][8], json!(0.25));
     // What is no number is null.
+    assert_eq!(document["structures"][0]["figures"][1]["area_distortion"][0], Value::Null);
     assert_eq!(document["structures"][0]["figures"][1]["medial"][0], json!([null, 0.0, 0.0]));
 }
 

@@ -87,6 +87,10 @@ mod api_wire;
 
 mod api_document;
 
+mod api_page;
+
+mod api_samples;
+
 mod webhooks_send;
 
 mod tidy;

@@ -34,6 +34,7 @@ pub fn bent_slab(grid: LatticeSize) -> Figure {
         crest,
         valid: vec![true; flat.len()],
         medial_radius_mm: vec![2.0; flat.len()],
+        area_distortion: vec![0.25; flat.len()],
         intrinsic: PerSurface { medial: flat.clone(), upper: flat.clone(), lower: flat.clone() },
         neighbors: PerSurface { medial: 30.5, upper: 28.0, lower: 28.0 },
         landmarks: PerSurface { medial: 60, upper: 60, lower: 60 },
@@ -118,6 +119,7 @@ pub fn structure(label: i64, figures: Vec<Figure>) -> Structure {
 pub fn model() -> Model {
     let mut holed = bent_slab(LatticeSize { rows: 5, cols: 6 });
     holed.valid[0] = false;
+    holed.area_distortion[0] = f64::NAN;
     holed.medial[0] = WorldPoint::new(f64::NAN, 0.0, 0.0);
     let mut refused = structure(2101, Vec::new());
     refused.refusal = Some(Refusal::TooSmall { points: 3, needed: 9 });

@@ -6,6 +6,7 @@ use medialrep::numerics::cancel::to_the_end;
 use medialrep::numerics::triangles::{self_intersections, volume};
 use medialrep::pipeline::closed::closed;
 use medialrep::pipeline::legality::{Illegal, Legality, Part, legality};
+use medialrep::pipeline::measures::FlatQuads;
 use medialrep::pipeline::model::{PerSurface, Repair, TriangleMesh, ring};
 use medialrep::pipeline::observer::Silent;
 use medialrep::pipeline::params::LatticeSize;
@@ -92,7 +93,8 @@ fn a_cell_that_is_turned_over_only_in_its_middle_is_found() {
     assert_eq!((found.folds, found.folded_centres), (0, 1));
     let cell = Illegal { part: Part::UpperCell, i: 0, j: 0, corners: 0, is_centre_bad: true };
     assert_eq!(found.parts[0], cell);
-    let quality = figure_quality(&nodes, PerSurface::default(), Repair::default(), &Silent).unwrap();
+    let quality =
+        figure_quality(&nodes, &FlatQuads::from(&nodes), PerSurface::default(), Repair::default(), &Silent).unwrap();
     assert_eq!((quality.folds, quality.folded_cells), (0, vec![(true, 0, 0)]));
 }
 
@@ -201,7 +203,8 @@ fn a_figure_with_an_invalid_node_has_no_closed_surface() {
     let mut nodes = flat_slab(SIZE);
     nodes.valid[7] = false;
     assert_eq!(closed((&nodes).into()), None);
-    let quality = figure_quality(&nodes, PerSurface::default(), Repair::default(), &Silent).unwrap();
+    let quality =
+        figure_quality(&nodes, &FlatQuads::from(&nodes), PerSurface::default(), Repair::default(), &Silent).unwrap();
     assert_eq!(quality.self_intersections, None);
     let mut nodes = flat_slab(SIZE);
     nodes.crest[1].x = f64::NAN;
@@ -212,7 +215,8 @@ fn a_figure_with_an_invalid_node_has_no_closed_surface() {
 fn a_surface_that_runs_through_itself_is_found() {
     let mut nodes = flat_slab(SIZE);
     nodes.upper[7].z = -4.0;
-    let quality = figure_quality(&nodes, PerSurface::default(), Repair::default(), &Silent).unwrap();
+    let quality =
+        figure_quality(&nodes, &FlatQuads::from(&nodes), PerSurface::default(), Repair::default(), &Silent).unwrap();
     assert!(quality.self_intersections.unwrap() > 0);
     // Without any fold: a strip bent round by more than a whole turn runs into its own start,
     // while every cell is the right way out.
@@ -223,7 +227,8 @@ fn a_surface_that_runs_through_itself_is_found() {
             *p = Point3::new(p.x, radius * angle.sin(), radius * angle.cos());
         }
     }
-    let quality = figure_quality(&nodes, PerSurface::default(), Repair::default(), &Silent).unwrap();
+    let quality =
+        figure_quality(&nodes, &FlatQuads::from(&nodes), PerSurface::default(), Repair::default(), &Silent).unwrap();
     assert_eq!((quality.folds, quality.folded_centres, quality.folded_wedges.len()), (0, 0, 0));
     assert!(quality.self_intersections.unwrap() > 0);
 }

@@ -4,7 +4,7 @@ use medialrep::formats::thickness_json::{self, InputFacts, OuterTimings};
 use medialrep::pipeline::coverage::SkinSearch;
 use medialrep::pipeline::depth::{depth, skin};
 use medialrep::pipeline::mask::{label_boxes, solid};
-use medialrep::pipeline::measures::{distortion, medial_offset};
+use medialrep::pipeline::measures::{FlatQuads, medial_offset};
 use medialrep::pipeline::model::{
     Coverage, DistanceSummary, Distortion, Figure, FigureQuality, MeanAndP95, Model, PerSurface, Repair,
     StructureQuality, Verdict,
@@ -91,24 +91,56 @@ fn a_plane_that_is_the_sheet_has_no_distortion() {
     let none = |found: Distortion| {
         found.area_sd < 1e-6 && found.area_max_log < 1e-9 && found.angle_max_deg < 1e-5 && found.angle_mean_deg < 1e-5
     };
-    assert!(none(distortion((&nodes).into(), &nodes.intrinsic.medial)));
+    assert!(none(FlatQuads::from(&nodes).distortion()));
     let scaled: Vec<_> = nodes.intrinsic.medial.iter().map(|p| p * 3.0).collect();
-    assert!(none(distortion((&nodes).into(), &scaled)), "scale is no distortion");
+    assert!(none(FlatQuads::of((&nodes).into(), &scaled).distortion()), "scale is no distortion");
 }
 
 #[test]
 fn distortion_of_a_plane_is_measured() {
     let nodes = flat_slab(LatticeSize { rows: 3, cols: 3 });
     let sheared: Vec<_> = nodes.intrinsic.medial.iter().map(|p| Point2::new(p.x + p.y, p.y)).collect();
-    let found = distortion((&nodes).into(), &sheared);
+    let found = FlatQuads::of((&nodes).into(), &sheared).distortion();
     assert!((found.angle_mean_deg - 45.0).abs() < 1e-9 && (found.angle_max_deg - 45.0).abs() < 1e-9);
     assert!(found.area_sd < 1e-6);
     // One half three times as long in the plane: its share is 3/4, in space it is 1/2.
     let stretched: Vec<_> = nodes.intrinsic.medial.iter().map(|p| Point2::new(p.x.max(3.0 * p.x - 6.0), p.y)).collect();
-    let found = distortion((&nodes).into(), &stretched);
+    let found = FlatQuads::of((&nodes).into(), &stretched).distortion();
     assert!((found.area_max_log - 2.0f64.ln()).abs() < 1e-9, "the ratio is 2 on the shorter half");
     let sd = (0.25f64 * 1.0 + 0.75 * (1.0f64 / 3.0).powi(2)).sqrt();
     assert!((found.area_sd - sd).abs() < 1e-9 && found.angle_max_deg < 1e-5);
+}
+
+#[track_caller]
+fn check_logs(found: &[f64], expected: &[f64]) {
+    assert_eq!(found.len(), expected.len());
+    for (node, (found, expected)) in found.iter().zip(expected).enumerate() {
+        assert!((found - expected).abs() < 1e-9 || (found.is_nan() && expected.is_nan()), "node {node}: {found}");
+    }
+}
+
+#[test]
+fn an_even_sheet_has_no_area_distortion_at_any_node() {
+    let mut nodes = flat_slab(SIZE);
+    check_logs(&FlatQuads::from(&nodes).log_ratio_per_node(), &[0.0; 20]);
+    // A corner taken out takes its quad along, and has none any more; its neighbours have others.
+    nodes.valid[0] = false;
+    let mut expected = [0.0; 20];
+    expected[0] = f64::NAN;
+    check_logs(&FlatQuads::from(&nodes).log_ratio_per_node(), &expected);
+}
+
+#[test]
+fn a_sheet_stretched_on_one_half_has_the_logarithms_of_its_shares() {
+    let nodes = flat_slab(LatticeSize { rows: 3, cols: 3 });
+    // One half three times as long in the plane: shares 1/4 and 3/4, in space 1/2 each. The nodes
+    // between have both halves round them.
+    let plane: Vec<_> = nodes.intrinsic.medial.iter().map(|p| Point2::new(p.x.max(3.0 * p.x - 6.0), p.y)).collect();
+    let row = [2.0f64.ln(), 0.0, (2.0f64 / 3.0).ln()];
+    let quads = FlatQuads::of((&nodes).into(), &plane);
+    check_logs(&quads.log_ratio_per_node(), &[row, row, row].concat());
+    // At the corners there is one quad: the largest of its logarithms is that of the summary.
+    assert!((quads.distortion().area_max_log - 2.0f64.ln()).abs() < 1e-9);
 }
 
 /// A box of 24 × 30 × 12 voxels and a slab of nodes in it, `shift` above the middle.
@@ -129,7 +161,9 @@ fn boxed(shift: f64) -> (StructureQuality, Vec<FigureQuality>, MeanAndP95) {
     }
     nodes.medial.iter_mut().for_each(|p| p.z += shift);
     let offset = medial_offset(&nodes, &SkinSearch::of(&depth.skin, &Silent).unwrap(), &Silent).unwrap();
-    let mut qualities = vec![figure_quality(&nodes, PerSurface::default(), Repair::default(), &Silent).unwrap()];
+    let mut qualities = vec![
+        figure_quality(&nodes, &FlatQuads::from(&nodes), PerSurface::default(), Repair::default(), &Silent).unwrap(),
+    ];
     let quality = structure_quality(&solid, &depth, &[nodes], &mut qualities, &Silent).unwrap();
     (quality, qualities, offset)
 }
@@ -168,10 +202,14 @@ fn each_sheet_of_a_tee_is_measured_against_its_share_of_the_mask() {
 fn an_unrepaired_figure_had_its_folds_before() {
     let mut nodes = flat_slab(SIZE);
     nodes.upper[8].z = -1.0;
-    let quality = figure_quality(&nodes, PerSurface::default(), Repair::default(), &Silent).unwrap();
+    let quality =
+        figure_quality(&nodes, &FlatQuads::from(&nodes), PerSurface::default(), Repair::default(), &Silent).unwrap();
     assert_eq!(quality.repair, Repair { folds_before: quality.folds, ..Repair::default() });
     let repair = Repair { folds_before: 40, moved_nodes: 3, shortened_nodes: 1 };
-    assert_eq!(figure_quality(&nodes, PerSurface::default(), repair, &Silent).unwrap().repair, repair);
+    assert_eq!(
+        figure_quality(&nodes, &FlatQuads::from(&nodes), PerSurface::default(), repair, &Silent).unwrap().repair,
+        repair
+    );
 }
 
 fn written(model: &Model) -> Value {

@@ -11,7 +11,8 @@ use axum::http::{HeaderMap, Method, Request, StatusCode};
 use http_body_util::BodyExt;
 use medialrep::config::ServeConfig;
 use medialrep::http::auth::Access;
-use medialrep::http::router;
+use medialrep::http::web::{Page, PageFile};
+use medialrep::http::{router, router_with_page};
 use medialrep::jobs::process::{Artifact, ProcessError, Processed};
 use medialrep::jobs::queue::{JobLimits, Jobs};
 use medialrep::jobs::worker::{Processor, Workers};
@@ -66,8 +67,13 @@ impl Server {
     pub async fn open_with(dir: TempDir, limits: JobLimits, webhooks: Option<Sender>) -> Self {
         keep_log();
         let jobs = Arc::new(Jobs::open(dir.path(), limits, webhooks).await.unwrap());
-        let access = Access { cors_origins: vec!["https://viewer.example.org".to_owned()], is_local: true };
-        Self { router: router(Arc::clone(&jobs), access), workers: None, jobs, dir }
+        Self { router: router(Arc::clone(&jobs), access()), workers: None, jobs, dir }
+    }
+
+    /// With the files of a page that are found so.
+    pub async fn with_page(files: fn(&str) -> Option<PageFile>) -> Self {
+        let server = Self::without_workers().await;
+        Self { router: router_with_page(Arc::clone(&server.jobs), access(), Page::of(files)), ..server }
     }
 
     /// Lets jobs run from now on.
@@ -151,6 +157,10 @@ impl Server {
     pub fn mask_of(&self, job: &str) -> PathBuf {
         self.dir.path().join("masks").join(id_of(job))
     }
+}
+
+fn access() -> Access {
+    Access { cors_origins: vec!["https://viewer.example.org".to_owned()], is_local: true }
 }
 
 fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
