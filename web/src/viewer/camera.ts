@@ -162,6 +162,8 @@ export class Orbit {
     this.#controls.target.copy(target);
     this.camera.position.copy(target).addScaledVector(direction, distance);
     this.#controls.update();
+    // The controls tell of no change where only the model is another one.
+    this.#setDepth();
   }
 
   #quietly(move: () => void): void {

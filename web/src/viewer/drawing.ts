@@ -1,20 +1,11 @@
 import { Vector3 } from "three";
 import type { GlbModel } from "../model/glb";
 import { Orbit } from "./camera";
-import type { Graphics } from "./graphics";
 import { ModelView } from "./model-view";
 import type { Shown } from "./shown";
-import { Stage } from "./stage";
-import type { Theme } from "./theme";
+import type { Stage } from "./stage";
 
-interface Told {
-  /** After each frame. */
-  drawn(): void;
-  /** The camera has moved; by a person, or by the program that uses the element. */
-  moved(byPerson: boolean): void;
-}
-
-/** A model on the graphics card with the camera before it. */
+/** A model on a stage with the camera before it. */
 export class Drawing {
   readonly stage: Stage;
   readonly view: ModelView;
@@ -23,26 +14,29 @@ export class Drawing {
   /** Nobody has moved the camera since everything was made to fit. */
   #fitted = true;
 
-  constructor(graphics: Graphics, frame: HTMLElement, model: GlbModel, shown: Shown, told: Told) {
+  /** `moved` is told whether a person moved the camera or else the program that uses the element. */
+  constructor(stage: Stage, frame: HTMLElement, model: GlbModel, shown: Shown, moved: (byPerson: boolean) => void) {
+    this.stage = stage;
     this.#shown = shown;
-    this.stage = new Stage(graphics, () => {
-      this.view.prepare(this.orbit.forward);
-      this.stage.render(this.orbit);
-      told.drawn();
-    });
     this.view = new ModelView(model);
     this.orbit = new Orbit(frame, model.up, homeDirection(model), (byPerson) => {
       this.#fitted = false;
-      this.stage.moved();
-      told.moved(byPerson);
+      stage.moved();
+      moved(byPerson);
     });
-    frame.prepend(this.stage.canvas);
-    this.stage.scene.add(this.view.group);
+    stage.scene.add(this.view.group);
     this.view.show(shown);
-    this.resize(frame.clientWidth, frame.clientHeight);
     this.orbit.setModel(this.#corners());
     this.orbit.goHome(this.#corners());
     this.#fitted = true;
+    this.resized();
+    // Fast first, sharp afterwards.
+    stage.moved();
+  }
+
+  render(): void {
+    this.view.prepare(this.orbit.forward);
+    this.stage.render(this.orbit);
   }
 
   fit(): void {
@@ -50,10 +44,10 @@ export class Drawing {
     this.#fitted = true;
   }
 
-  /** CSS pixels. */
-  resize(width: number, height: number): void {
+  /** The stage has another size. */
+  resized(): void {
+    const { width, height } = this.stage.size;
     if (width === 0 || height === 0) return;
-    this.stage.resize(width, height);
     this.orbit.setAspect(width / height);
     if (this.#fitted) this.fit();
   }
@@ -63,15 +57,10 @@ export class Drawing {
     this.stage.invalidate();
   }
 
-  setTheme(theme: Theme): void {
-    this.stage.setTheme(theme);
-    this.view.setTheme(theme);
-  }
-
   dispose(): void {
+    this.stage.scene.remove(this.view.group);
     this.orbit.dispose();
     this.view.dispose();
-    this.stage.dispose();
   }
 
   #corners(): Vector3[] {

@@ -133,32 +133,32 @@ export class MedialViewer extends HTMLElement {
 
   /** Marks a node as if pointed at, without event and tooltip. */
   mark(node: NodeRef | null): void {
-    this.#viewer.mark(node);
+    this.#viewer.interaction.mark(node);
   }
 
   /** As a click on the node: the second pick measures, a third begins anew, picking again lets go. */
   pick(node: NodeRef): void {
-    this.#viewer.pick(node);
+    this.#viewer.interaction.pick(node);
   }
 
   clearPicks(): void {
-    this.#viewer.clearPicks();
+    this.#viewer.interaction.clearPicks();
   }
 
   /** Null while nothing is drawn. */
   get camera(): CameraState | null {
-    return this.#viewer.orbit?.state ?? null;
+    return this.#viewer.drawing?.orbit.state ?? null;
   }
 
   /** Without event. */
   set camera(state: CameraState | null) {
-    const orbit = this.#viewer.orbit;
+    const orbit = this.#viewer.drawing?.orbit;
     if (orbit && state) orbit.state = state;
   }
 
   /** Moves the camera, without turning it, until everything shown fills the picture. */
   fit(): void {
-    this.#viewer.fit();
+    this.#viewer.drawing?.fit();
   }
 
   lookFrom(side: Side): void {
@@ -172,7 +172,7 @@ export class MedialViewer extends HTMLElement {
 
   /** Where a node is, CSS pixels from the upper left corner of the element; null: nowhere before the camera. */
   screenOf(node: NodeRef, surface: Surface): ScreenPoint | null {
-    return this.#viewer.screenOf(node, surface);
+    return this.#viewer.interaction.screenOf(node, surface);
   }
 
   #fetchSoon(): void {
@@ -205,8 +205,7 @@ export class MedialViewer extends HTMLElement {
   #fail(error: unknown): void {
     const message = error instanceof Error ? error.message : String(error);
     this.#pending = false;
-    this.#viewer.close();
-    this.#viewer.surroundings.say(message);
+    this.#viewer.say(message);
     this.#emit("modelerror", { message });
   }
 

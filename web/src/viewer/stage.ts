@@ -9,7 +9,7 @@ const MOST_PIXELS = 2560 * 1600;
 
 /** The canvas of the model. Draws when something has changed, not otherwise. */
 export class Stage {
-  readonly canvas = document.createElement("canvas");
+  readonly canvas: HTMLCanvasElement;
   readonly scene = new Scene();
   #renderer: WebGLRenderer;
   #software: boolean;
@@ -17,16 +17,17 @@ export class Stage {
   #rest = 0;
   #moving = false;
   #size = { width: 0, height: 0 };
+  /** Width, height and pixels per CSS pixel of the canvas. */
+  #buffer = [0, 0, 0];
   #draw: () => void;
 
   /** `draw` is called for each frame and calls `render`. */
-  constructor({ software }: Graphics, draw: () => void) {
+  constructor({ canvas, context, software }: Graphics, draw: () => void) {
+    this.canvas = canvas;
     this.#software = software;
     this.#draw = draw;
-    // Smoothing by the processor costs more than drawing at twice the size at rest.
-    this.#renderer = new WebGLRenderer({ canvas: this.canvas, antialias: !software, stencil: false });
-    this.#renderer.sortObjects = true;
-    this.canvas.addEventListener("webglcontextrestored", this.invalidate);
+    this.#renderer = new WebGLRenderer({ canvas, context });
+    canvas.addEventListener("webglcontextrestored", this.invalidate);
   }
 
   get size(): Readonly<{ width: number; height: number }> {
@@ -35,9 +36,7 @@ export class Stage {
 
   /** CSS pixels. */
   resize(width: number, height: number): void {
-    if (width === this.#size.width && height === this.#size.height) return;
     this.#size = { width, height };
-    this.#renderer.setSize(width, height, false);
     this.invalidate();
   }
 
@@ -69,16 +68,25 @@ export class Stage {
     if (this.#size.width > 0 && this.#size.height > 0) this.#draw();
   };
 
-  render(orbit: Orbit): void {
-    const ratio = this.#ratio();
-    if (this.#renderer.getPixelRatio() !== ratio) this.#renderer.setPixelRatio(ratio);
-    this.#renderer.render(this.scene, orbit.camera);
-  }
-
   /** Draws sharply at once, for a picture to be taken before the browser does anything else. */
   drawSharply(): void {
     this.#moving = false;
     this.drawNow();
+  }
+
+  render(orbit: Orbit): void {
+    const { width, height } = this.#size;
+    const wanted = [width, height, this.#ratio()] as const;
+    if (wanted.some((x, n) => x !== this.#buffer[n])) {
+      this.#renderer.setDrawingBufferSize(...wanted);
+      this.#buffer = [...wanted];
+    }
+    this.#renderer.render(this.scene, orbit.camera);
+  }
+
+  /** Draws the background alone. */
+  clear(): void {
+    this.#renderer.clear();
   }
 
   dispose(): void {

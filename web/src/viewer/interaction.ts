@@ -1,0 +1,179 @@
+import { distances } from "../model/node-info";
+import { figureOf, type NodeRef, type Result } from "../model/result";
+import type { Surface } from "../model/thickness";
+import { Attention } from "./attention";
+import type { Drawing } from "./drawing";
+import type { Emit } from "./events";
+import { type KeyActions, pressKey } from "./keyboard";
+import { drawMarks, type Marked } from "./overlay";
+import { nodeAt, project, type ScreenPoint } from "./picking";
+import { Pointer } from "./pointer";
+import { distanceText, sentenceOf } from "./reading";
+import type { Shown } from "./shown";
+import type { Surroundings } from "./surroundings";
+import type { Theme } from "./theme";
+
+const TURN = Math.PI / 24;
+const PAN = 0.05;
+const ZOOM = 0.9;
+
+/** What interaction is with. */
+interface Scene {
+  readonly result: Result | null;
+  readonly drawing: Drawing | null;
+  readonly theme: Theme;
+  readonly shown: Shown;
+  readonly surroundings: Surroundings;
+}
+
+/** Pointing at nodes, picking and measuring them, with pointer, keyboard and from outside. */
+export class Interaction {
+  #scene: Scene;
+  #emit: Emit;
+  #attention = new Attention();
+  #pointer: Pointer | null = null;
+
+  constructor(scene: Scene, emit: Emit) {
+    this.#scene = scene;
+    this.#emit = emit;
+    scene.surroundings.stage.addEventListener("keydown", (event) => {
+      if (scene.drawing && pressKey(event, this.#keys)) event.preventDefault();
+    });
+  }
+
+  start(): void {
+    this.stop();
+    this.#pointer = new Pointer(this.#scene.surroundings.stage, {
+      hover: (at) => this.#hover(at),
+      click: (at) => this.#click(at),
+      wheelRefused: () => this.#scene.surroundings.hintAtZoom(),
+    });
+  }
+
+  stop(): void {
+    this.#pointer?.dispose();
+    this.#pointer = null;
+    this.#scene.surroundings.tooltip.hide();
+  }
+
+  /** The model has gone. */
+  forget(): void {
+    this.#attention.clear();
+  }
+
+  /** The readings have changed, the nodes have not. */
+  refresh(): void {
+    if (this.#scene.result) this.#attention.refresh(this.#scene.result);
+  }
+
+  mark(node: NodeRef | null): void {
+    const { result, surroundings } = this.#scene;
+    if (!result) return;
+    surroundings.tooltip.hide();
+    if (this.#attention.hover(result, node)) this.drawMarks();
+  }
+
+  pick(node: NodeRef): void {
+    const { result, surroundings } = this.#scene;
+    if (!result || !this.#attention.pick(result, node)) return;
+    const [from, to] = this.#attention.picks;
+    if (from && to) surroundings.announce(`Distance ${distanceText(distances(result, from, to))}.`);
+    this.#emit("nodepick", [...this.#attention.picks]);
+    this.drawMarks();
+  }
+
+  clearPicks(): void {
+    if (this.#attention.picks.length === 0) return;
+    this.#attention.picks = [];
+    this.#emit("nodepick", []);
+    this.drawMarks();
+  }
+
+  screenOf(node: NodeRef, surface: Surface): ScreenPoint | null {
+    const { result, drawing } = this.#scene;
+    const figure = result && figureOf(result, node.structure, node.figure);
+    const point = figure?.[surface][node.i * figure.cols + node.j];
+    return point && drawing ? project(point, drawing.orbit.camera, drawing.stage.size) : null;
+  }
+
+  drawMarks(): void {
+    const { drawing, surroundings } = this.#scene;
+    const context = drawing && surroundings.clearMarks(drawing.stage.size);
+    if (context) this.drawMarksOn(context);
+  }
+
+  /** On a canvas that is measured in the CSS pixels of the element. */
+  drawMarksOn(context: CanvasRenderingContext2D): void {
+    const { drawing, result, theme } = this.#scene;
+    if (!drawing || !result) return;
+    const { orbit, stage } = drawing;
+    const { hovered, picks } = this.#attention;
+    const [from, to] = picks;
+    const distance = from && to ? distanceText(distances(result, from, to)) : null;
+    const marks = { hovered: hovered && markedOf(result, hovered), picks, distance };
+    drawMarks(context, marks, (point) => project(point, orbit.camera, stage.size), theme);
+  }
+
+  #nodeAt(at: ScreenPoint): NodeRef | null {
+    const { drawing, result, shown } = this.#scene;
+    if (!drawing || !result) return null;
+    const { view, orbit, stage } = drawing;
+    return nodeAt(at, { view, shown, result }, orbit.camera, stage.size);
+  }
+
+  #hover(at: ScreenPoint | null): void {
+    const node = at && this.#nodeAt(at);
+    this.#scene.surroundings.stage.classList.toggle("over", node !== null);
+    this.#point(node, at);
+  }
+
+  /** A person points at a node; the reading is shown at a place on the screen. */
+  #point(node: NodeRef | null, at: ScreenPoint | null): void {
+    const { drawing, result, surroundings } = this.#scene;
+    if (!drawing || !result) return;
+    const changed = this.#attention.hover(result, node);
+    const { hovered } = this.#attention;
+    if (hovered && at) surroundings.tooltip.show(hovered, at, drawing.stage.size);
+    else surroundings.tooltip.hide();
+    if (!changed) return;
+    this.drawMarks();
+    this.#emit("nodehover", hovered);
+  }
+
+  #click(at: ScreenPoint): void {
+    const node = this.#nodeAt(at);
+    this.#point(node, at);
+    if (node) this.pick(node);
+  }
+
+  #step(by: 1 | -1): void {
+    const { result, shown, surroundings } = this.#scene;
+    const node = result && this.#attention.neighbour(result, shown, by);
+    if (!node) return;
+    this.#point(node, this.screenOf(node, "medial"));
+    if (this.#attention.hovered) surroundings.announce(sentenceOf(this.#attention.hovered));
+  }
+
+  readonly #keys: KeyActions = {
+    turn: (right, upward) => this.#scene.drawing?.orbit.turn(right * TURN, upward * TURN),
+    pan: (right, upward) => this.#scene.drawing?.orbit.pan(right * PAN, upward * PAN),
+    zoom: (steps) => this.#scene.drawing?.orbit.zoom(ZOOM ** steps),
+    fit: () => this.#scene.drawing?.fit(),
+    clear: () => {
+      this.clearPicks();
+      this.#point(null, null);
+    },
+    step: (by) => this.#step(by),
+    pick: () => {
+      if (this.#attention.hovered) this.pick(this.#attention.hovered);
+    },
+  };
+}
+
+function markedOf(result: Result, { structure, figure, i, j }: NodeRef): Marked | null {
+  const found = figureOf(result, structure, figure);
+  if (!found) return null;
+  const node = i * found.cols + j;
+  const medial = found.medial[node];
+  return medial ? { medial, upper: found.upper[node] ?? null, lower: found.lower[node] ?? null } : null;
+}
