@@ -13,7 +13,8 @@ export function make<K extends keyof HTMLElementTagNameMap>(
 export function rgbOf(css: string): [number, number, number] {
   const canvas = document.createElement("canvas");
   canvas.width = canvas.height = 1;
-  const context = canvas.getContext("2d");
+  // Reading back from the graphics card would wait for everything drawn there.
+  const context = canvas.getContext("2d", { willReadFrequently: true });
   if (!context) return [128, 128, 128];
   context.fillStyle = css;
   context.fillRect(0, 0, 1, 1);

@@ -10,22 +10,19 @@ export class Drawing {
   readonly stage: Stage;
   readonly view: ModelView;
   readonly orbit: Orbit;
-  #shown: Shown;
   /** Nobody has moved the camera since everything was made to fit. */
   #fitted = true;
 
   /** `moved` is told whether a person moved the camera or else the program that uses the element. */
   constructor(stage: Stage, frame: HTMLElement, model: GlbModel, shown: Shown, moved: (byPerson: boolean) => void) {
     this.stage = stage;
-    this.#shown = shown;
-    this.view = new ModelView(model);
+    this.view = new ModelView(model, shown, stage.materials);
     this.orbit = new Orbit(frame, model.up, homeDirection(model), (byPerson) => {
       this.#fitted = false;
       stage.moved();
       moved(byPerson);
     });
     stage.scene.add(this.view.group);
-    this.view.show(shown);
     this.orbit.setModel(this.#corners());
     this.orbit.goHome(this.#corners());
     this.#fitted = true;
@@ -35,7 +32,7 @@ export class Drawing {
   }
 
   render(): void {
-    this.view.prepare(this.orbit.forward);
+    this.view.prepare(this.orbit.forward, this.stage.cheap);
     this.stage.render(this.orbit);
   }
 
@@ -53,7 +50,7 @@ export class Drawing {
   }
 
   reshow(): void {
-    this.view.show(this.#shown);
+    this.view.reshow();
     this.stage.invalidate();
   }
 
@@ -64,7 +61,7 @@ export class Drawing {
   }
 
   #corners(): Vector3[] {
-    return this.view.corners(this.#shown);
+    return this.view.corners();
   }
 }
 

@@ -1,34 +1,29 @@
 import { Color, DoubleSide, FrontSide, GLSL3, NormalBlending, RawShaderMaterial } from "three";
+import type { Theme } from "./theme";
 
 /** Colours go to the screen as they are, in sRGB, so that they are those of the legend. */
 
+// Light from the eye: what faces it has the colour itself, what is seen edge-on 0.65 of the light. Shading by vertex
+// rather than by pixel makes a frame half as dear where the processor draws.
 const COLORED_VERTEX = `
 uniform mat4 modelViewMatrix, projectionMatrix;
 in vec3 position, normal;
 in vec4 color;
 out vec4 tint;
-out vec3 toEye, across;
 void main() {
   vec4 place = modelViewMatrix * vec4(position, 1.0);
-  tint = color;
-  toEye = -place.xyz;
-  across = mat3(modelViewMatrix) * normal;
+  float facing = abs(dot(normalize(place.xyz), normalize(mat3(modelViewMatrix) * normal)));
+  float light = pow(mix(0.65, 1.0, facing), 1.0 / 2.2);
+  tint = vec4(color.rgb * light * color.a, color.a);
   gl_Position = projectionMatrix * place;
 }`;
 
-// Light from the eye: what faces it has the colour itself, what is seen edge-on 0.65 of the light.
 const COLORED_FRAGMENT = `
-precision highp float;
+precision mediump float;
 in vec4 tint;
-in vec3 toEye, across;
 out vec4 result;
-void main() {
-  float facing = abs(dot(normalize(toEye), normalize(across)));
-  float light = pow(mix(0.65, 1.0, facing), 1.0 / 2.2);
-  result = vec4(tint.rgb * light * tint.a, tint.a);
-}`;
+void main() { result = tint; }`;
 
-// Per vertex: the skin has so many that this is fine enough, and it keeps the frame cheap.
 const GLASS_VERTEX = `
 uniform mat4 modelViewMatrix, projectionMatrix;
 uniform float clear, rim;
@@ -60,20 +55,46 @@ uniform vec3 shade;
 out vec4 result;
 void main() { result = vec4(shade, 1.0); }`;
 
-/** Coloured by node, seen from both sides. */
-export function coloredMaterial(translucent: boolean): RawShaderMaterial {
+const TRANSLUCENT = {
+  transparent: true,
+  depthWrite: false,
+  blending: NormalBlending,
+  premultipliedAlpha: true,
+} as const;
+
+/** One of each kind, for all models: making a program for the graphics card takes longer than a frame. */
+export class Materials {
+  /** Coloured by node, seen from both sides. */
+  readonly solid = coloredMaterial({});
+  readonly translucent = coloredMaterial(TRANSLUCENT);
+  readonly lines = lineMaterial();
+  readonly closed = glassMaterial(0.12, 0.5);
+  readonly skin = glassMaterial(0.05, 0.6);
+
+  setTheme({ ink, glass }: Theme): void {
+    setShade(this.lines, ink);
+    setShade(this.closed, glass);
+    setShade(this.skin, glass);
+  }
+
+  dispose(): void {
+    for (const material of [this.solid, this.translucent, this.lines, this.closed, this.skin]) material.dispose();
+  }
+}
+
+function coloredMaterial(how: Partial<typeof TRANSLUCENT>): RawShaderMaterial {
   return new RawShaderMaterial({
     glslVersion: GLSL3,
     vertexShader: COLORED_VERTEX,
     fragmentShader: COLORED_FRAGMENT,
     side: DoubleSide,
     forceSinglePass: true,
-    ...(translucent ? TRANSLUCENT : {}),
+    ...how,
   });
 }
 
 /** Like glass: nearly clear where it faces the eye (`clear`), strong at the silhouette (`rim`); both 0 to 1. */
-export function glassMaterial(clear: number, rim: number): RawShaderMaterial {
+function glassMaterial(clear: number, rim: number): RawShaderMaterial {
   return new RawShaderMaterial({
     glslVersion: GLSL3,
     vertexShader: GLASS_VERTEX,
@@ -84,7 +105,7 @@ export function glassMaterial(clear: number, rim: number): RawShaderMaterial {
   });
 }
 
-export function lineMaterial(): RawShaderMaterial {
+function lineMaterial(): RawShaderMaterial {
   return new RawShaderMaterial({
     glslVersion: GLSL3,
     vertexShader: LINE_VERTEX,
@@ -94,14 +115,7 @@ export function lineMaterial(): RawShaderMaterial {
 }
 
 /** sRGB, 0 to 255. */
-export function setShade(material: RawShaderMaterial, [red, green, blue]: readonly [number, number, number]): void {
+function setShade(material: RawShaderMaterial, [red, green, blue]: readonly [number, number, number]): void {
   const shade: unknown = material.uniforms.shade?.value;
   if (shade instanceof Color) shade.setRGB(red / 255, green / 255, blue / 255);
 }
-
-const TRANSLUCENT = {
-  transparent: true,
-  depthWrite: false,
-  blending: NormalBlending,
-  premultipliedAlpha: true,
-} as const;

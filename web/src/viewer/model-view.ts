@@ -1,15 +1,17 @@
-import { Group, LineSegments, Mesh, type RawShaderMaterial, Vector3 } from "three";
+import { Group, LineSegments, Mesh, Vector3 } from "three";
 import { colorOf } from "../model/colors";
 import type { GlbModel, Layer } from "../model/glb";
 import { type Quantity, type Range, valuesOf } from "../model/quantity";
 import { figureOf, type Result } from "../model/result";
 import type { Surface } from "../model/thickness";
-import { coloredMaterial, glassMaterial, lineMaterial, setShade } from "./materials";
+import { coarse } from "./coarse";
+import type { Materials } from "./materials";
 import { Merged, type Part } from "./merged";
 import type { Shown } from "./shown";
-import type { Theme } from "./theme";
 import { TriangleOrder } from "./triangle-order";
 
+/** How many triangles of skin the processor can draw many times a second. */
+const CHEAP_TRIANGLES = 30_000;
 const OPAQUE = 255;
 const SIDE_OPACITY = 120;
 const CREST = [160, 160, 160, 90] as const;
@@ -24,9 +26,15 @@ export class ModelView {
   #closed: Merged;
   #vectors: Merged;
   #order: TriangleOrder;
-  #materials: RawShaderMaterial[] = [];
+  #coarseSkins: Merged | null = null;
+  #materials: Materials;
+  #shown: Shown;
+  #fineSkin: Mesh;
+  #coarseSkin: Mesh | null = null;
 
-  constructor(model: GlbModel) {
+  constructor(model: GlbModel, shown: Shown, materials: Materials) {
+    this.#shown = shown;
+    this.#materials = materials;
     const merged = (...layers: Layer[]) => new Merged(model.meshes.filter(({ layer }) => layers.includes(layer)));
     this.medial = merged("medial");
     this.sides = merged("upper", "lower", "crest");
@@ -35,16 +43,18 @@ export class ModelView {
     this.#vectors = merged("vectors");
     this.#order = new TriangleOrder(this.sides);
     for (const colored of [this.medial, this.sides]) colored.enableColors();
-    this.#add(new Mesh(this.medial.geometry, this.#keep(coloredMaterial(false))), 0);
-    this.#add(new LineSegments(this.#vectors.geometry, this.#keep(lineMaterial())), 1);
-    this.#add(new Mesh(this.sides.geometry, this.#keep(coloredMaterial(true))), 2);
-    this.#add(new Mesh(this.#closed.geometry, this.#keep(glassMaterial(0.12, 0.5))), 3);
+    this.#add(new Mesh(this.medial.geometry, materials.solid), 0);
+    this.#add(new LineSegments(this.#vectors.geometry, materials.lines), 1);
+    this.#add(new Mesh(this.sides.geometry, materials.translucent), 2);
+    this.#add(new Mesh(this.#closed.geometry, materials.closed), 3);
     // Last: it is round everything else, and being of one colour needs no order in itself.
-    this.#add(new Mesh(this.#skins.geometry, this.#keep(glassMaterial(0.05, 0.6))), 4);
+    this.#fineSkin = this.#add(new Mesh(this.#skins.geometry, materials.skin), 4);
+    this.reshow();
   }
 
-  show(shown: Shown): void {
-    for (const merged of this.#all()) merged.show(({ mesh }) => shown.mesh(mesh));
+  /** To be called when something else is to be seen. */
+  reshow(): void {
+    for (const merged of this.#all()) merged.show(({ mesh }) => this.#shown.mesh(mesh));
     this.#order.reset();
   }
 
@@ -55,21 +65,21 @@ export class ModelView {
     this.sides.colors.needsUpdate = true;
   }
 
-  setTheme({ ink, glass }: Theme): void {
-    const [, vectors, , closed, skins] = this.#materials;
-    if (vectors) setShade(vectors, ink);
-    if (closed) setShade(closed, glass);
-    if (skins) setShade(skins, glass);
-  }
-
-  /** To be called before a frame; `forward` is where the eye looks. */
-  prepare(forward: Vector3): void {
+  /**
+   * To be called before a frame. `forward` is where the eye looks; `cheap`: the frame has to be quick, so that a skin
+   * of many triangles is drawn with fewer.
+   */
+  prepare(forward: Vector3, cheap: boolean): void {
     this.#order.sort(forward);
+    const coarsely = cheap && this.#skins.count > 3 * CHEAP_TRIANGLES;
+    if (coarsely && !this.#coarseSkin) this.#addCoarseSkin();
+    this.#fineSkin.visible = !coarsely;
+    if (this.#coarseSkin) this.#coarseSkin.visible = coarsely;
   }
 
   /** Corners of the boxes round what is to be seen. */
-  corners(shown: Shown): Vector3[] {
-    const boxes = this.#all().flatMap((merged) => merged.parts.filter(({ mesh }) => shown.mesh(mesh)));
+  corners(): Vector3[] {
+    const boxes = this.#all().flatMap((merged) => merged.parts.filter(({ mesh }) => this.#shown.mesh(mesh)));
     return boxes.flatMap(({ box }) =>
       [0, 1, 2, 3, 4, 5, 6, 7].map(
         (n) => new Vector3(n & 1 ? box.max.x : box.min.x, n & 2 ? box.max.y : box.min.y, n & 4 ? box.max.z : box.min.z),
@@ -79,23 +89,25 @@ export class ModelView {
 
   dispose(): void {
     for (const merged of this.#all()) merged.dispose();
-    for (const material of this.#materials) material.dispose();
   }
 
   #all(): Merged[] {
-    return [this.medial, this.sides, this.#skins, this.#closed, this.#vectors];
+    const all = [this.medial, this.sides, this.#skins, this.#closed, this.#vectors];
+    return this.#coarseSkins ? [...all, this.#coarseSkins] : all;
   }
 
-  #keep(material: RawShaderMaterial): RawShaderMaterial {
-    this.#materials.push(material);
-    return material;
+  #addCoarseSkin(): void {
+    this.#coarseSkins = new Merged(coarse(this.#skins.parts, CHEAP_TRIANGLES));
+    this.#coarseSkins.show(({ mesh }) => this.#shown.mesh(mesh));
+    this.#coarseSkin = this.#add(new Mesh(this.#coarseSkins.geometry, this.#materials.skin), 4);
   }
 
-  #add(object: Mesh | LineSegments, order: number): void {
+  #add<T extends Mesh | LineSegments>(object: T, order: number): T {
     object.renderOrder = order;
     object.frustumCulled = false;
     object.matrixAutoUpdate = false;
     this.group.add(object);
+    return object;
   }
 }
 

@@ -1,16 +1,19 @@
 import { Color, Scene, WebGLRenderer } from "three";
 import type { Orbit } from "./camera";
 import type { Graphics } from "./graphics";
+import { Materials } from "./materials";
 import type { Theme } from "./theme";
 
 /** How long the view has to stand still before it is drawn sharply, ms. */
 const REST_MS = 160;
+const MOVING_RATIO = 0.75;
 const MOST_PIXELS = 2560 * 1600;
 
 /** The canvas of the model. Draws when something has changed, not otherwise. */
 export class Stage {
   readonly canvas: HTMLCanvasElement;
   readonly scene = new Scene();
+  readonly materials = new Materials();
   #renderer: WebGLRenderer;
   #software: boolean;
   #frame = 0;
@@ -27,11 +30,18 @@ export class Stage {
     this.#software = software;
     this.#draw = draw;
     this.#renderer = new WebGLRenderer({ canvas, context });
+    // Asking whether the shaders are right waits for them to be compiled.
+    this.#renderer.debug.checkShaderErrors = false;
     canvas.addEventListener("webglcontextrestored", this.invalidate);
   }
 
   get size(): Readonly<{ width: number; height: number }> {
     return this.#size;
+  }
+
+  /** The next frame has to be quick. */
+  get cheap(): boolean {
+    return this.#software && this.#moving;
   }
 
   /** CSS pixels. */
@@ -40,7 +50,9 @@ export class Stage {
     this.invalidate();
   }
 
-  setTheme({ background: [red, green, blue] }: Theme): void {
+  setTheme(theme: Theme): void {
+    const [red, green, blue] = theme.background;
+    this.materials.setTheme(theme);
     const color = new Color(red / 255, green / 255, blue / 255);
     this.#renderer.setClearColor(color.convertSRGBToLinear());
     this.invalidate();
@@ -93,6 +105,7 @@ export class Stage {
     cancelAnimationFrame(this.#frame);
     clearTimeout(this.#rest);
     this.canvas.removeEventListener("webglcontextrestored", this.invalidate);
+    this.materials.dispose();
     this.#renderer.dispose();
     this.#renderer.forceContextLoss();
     this.canvas.remove();
@@ -102,7 +115,7 @@ export class Stage {
   #ratio(): number {
     const { width, height } = this.#size;
     const most = Math.sqrt(MOST_PIXELS / (width * height));
-    const wanted = this.#software ? (this.#moving ? 0.75 : 2) : Math.min(devicePixelRatio, 2);
+    const wanted = this.#software ? (this.#moving ? MOVING_RATIO : 2) : Math.min(devicePixelRatio, 2);
     return Math.min(wanted, most);
   }
 }

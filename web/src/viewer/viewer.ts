@@ -228,7 +228,6 @@ export class Viewer {
   #retheme(): void {
     this.#theme = themeOf(this.surroundings.element);
     this.#stage?.setTheme(this.#theme);
-    this.#drawing?.view.setTheme(this.#theme);
   }
 
   #repaint(): void {
