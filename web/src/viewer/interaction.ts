@@ -98,6 +98,9 @@ export class Interaction {
 
   drawMarks(): void {
     const { drawing, surroundings } = this.#scene;
+    // An empty canvas over the model would cost as much as the model where the processor draws.
+    surroundings.marks.hidden = !this.#attention.hovered && this.#attention.picks.length === 0;
+    if (surroundings.marks.hidden) return;
     const context = drawing && surroundings.clearMarks(drawing.stage.size);
     if (context) this.drawMarksOn(context);
   }

@@ -52,8 +52,9 @@ void main() { gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 
 const LINE_FRAGMENT = `
 precision mediump float;
 uniform vec3 shade;
+uniform float strength;
 out vec4 result;
-void main() { result = vec4(shade, 1.0); }`;
+void main() { result = vec4(shade, 1.0) * strength; }`;
 
 const TRANSLUCENT = {
   transparent: true,
@@ -75,6 +76,12 @@ export class Materials {
     setShade(this.lines, ink);
     setShade(this.closed, glass);
     setShade(this.skin, glass);
+  }
+
+  /** Lines are one pixel of the canvas wide. `pixels`: how many of those are one of the page; wide lines become faint. */
+  setLineWidth(pixels: number): void {
+    const { strength } = this.lines.uniforms;
+    if (strength) strength.value = Math.min(1, Math.sqrt(pixels / 1.5));
   }
 
   dispose(): void {
@@ -110,7 +117,9 @@ function lineMaterial(): RawShaderMaterial {
     glslVersion: GLSL3,
     vertexShader: LINE_VERTEX,
     fragmentShader: LINE_FRAGMENT,
-    uniforms: { shade: { value: new Color() } },
+    uniforms: { shade: { value: new Color() }, strength: { value: 1 } },
+    ...TRANSLUCENT,
+    depthWrite: true,
   });
 }
 

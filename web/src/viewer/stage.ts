@@ -92,6 +92,7 @@ export class Stage {
     if (wanted.some((x, n) => x !== this.#buffer[n])) {
       this.#renderer.setDrawingBufferSize(...wanted);
       this.#buffer = [...wanted];
+      this.materials.setLineWidth(wanted[2]);
     }
     this.#renderer.render(this.scene, orbit.camera);
   }

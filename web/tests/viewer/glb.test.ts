@@ -1,0 +1,106 @@
+import { beforeAll, describe, expect, it } from "vitest";
+import { type GlbModel, parseGlb } from "../../src/model/glb";
+import { fromGlb } from "../../src/model/glb-result";
+import { figuresOf, fromThickness } from "../../src/model/result";
+import type { Thickness } from "../../src/model/thickness";
+import { resultOf } from "./sample";
+
+let glb: ArrayBuffer;
+let thickness: Thickness;
+let model: GlbModel;
+
+beforeAll(() => {
+  ({ glb, thickness } = resultOf("wye"));
+  model = parseGlb(glb);
+});
+
+describe("model.glb", () => {
+  it("says which way the patient lies", () => {
+    expect(model.space).toBe("RAS");
+    expect(model.up).toEqual([0, 0, 1]);
+    expect(model.front).toEqual([0, 1, 0]);
+  });
+
+  it("has every layer of every figure, and the object of the structure", () => {
+    const figures = figuresOf(fromThickness(thickness));
+    expect(figures.length).toBe(3);
+    for (const layer of ["medial", "upper", "lower", "crest", "vectors"]) {
+      const owners = model.meshes.filter((mesh) => mesh.layer === layer).map((mesh) => mesh.figure);
+      expect(owners).toEqual(figures.map(({ index }) => index));
+    }
+    expect(model.meshes.filter((mesh) => mesh.layer === "object").map((mesh) => mesh.figure)).toEqual([null]);
+  });
+
+  it("has indices within its vertices", () => {
+    for (const { indices, positions } of model.meshes) {
+      expect(indices.reduce((most, index) => Math.max(most, index), 0)).toBeLessThan(positions.length / 3);
+    }
+  });
+});
+
+describe("a result from model.glb alone", () => {
+  it("is that of thickness.json to the precision of its numbers", () => {
+    const alone = fromGlb(model);
+    const full = fromThickness(thickness);
+    expect(alone.structures.map(({ index, label }) => [index, label])).toEqual(
+      full.structures.map(({ index, label }) => [index, label]),
+    );
+    const pairs = figuresOf(alone).map((figure, n) => [figure, figuresOf(full)[n]] as const);
+    for (const [got, wanted] of pairs) {
+      expect([got.rows, got.cols, got.order]).toEqual([wanted?.rows, wanted?.cols, wanted?.order]);
+      for (const surface of ["medial", "upper", "lower"] as const) near(got[surface].flat(), wanted?.[surface].flat());
+      for (const list of ["upper_mm", "lower_mm", "total_mm"] as const) near(got[list], wanted?.[list]);
+    }
+  });
+
+  it("has neither radius nor plane", () => {
+    for (const { radius_mm, distortion, intrinsic } of figuresOf(fromGlb(model))) {
+      expect([radius_mm, distortion, intrinsic]).toEqual([null, null, null]);
+    }
+  });
+});
+
+/** A node that belongs to no quad is missing in the file. */
+function near(got: (number | null)[], wanted: (number | null)[] | undefined): void {
+  expect(got.length).toBe(wanted?.length);
+  got.forEach((value, n) => {
+    if (value !== null)
+      expect(Math.abs(value - (wanted?.[n] ?? Number.NaN))).toBeLessThan(1e-5 * (1 + Math.abs(value)));
+  });
+  expect(got.filter((value) => value !== null).length).toBeGreaterThan(0.9 * got.length);
+}
+
+describe("thickness.json", () => {
+  it("has nothing of invalid nodes", () => {
+    const changed = structuredClone(thickness);
+    const figure = changed.structures[0]?.figures[0];
+    if (figure) figure.valid[3] = false;
+    const [first] = figuresOf(fromThickness(changed));
+    expect([first?.medial[3], first?.upper_mm[3], first?.radius_mm?.[3], first?.intrinsic?.[3]]).toEqual([
+      null,
+      null,
+      null,
+      null,
+    ]);
+  });
+
+  it("may be older than the distortion of nodes", () => {
+    const old = structuredClone(thickness);
+    for (const figure of old.structures.flatMap((structure) => structure.figures)) {
+      Reflect.deleteProperty(figure, "area_distortion");
+    }
+    expect(figuresOf(fromThickness(old)).map(({ distortion }) => distortion)).toEqual([null, null, null]);
+  });
+});
+
+describe("a file that is no model", () => {
+  it("is refused in words", () => {
+    expect(() => parseGlb(new ArrayBuffer(0))).toThrow("not a GLB file");
+    expect(() => parseGlb(new TextEncoder().encode("<!doctype html><title>404</title>").buffer as ArrayBuffer)).toThrow(
+      "not a GLB file",
+    );
+    for (const share of [0.01, 0.5, 0.99]) {
+      expect(() => parseGlb(glb.slice(0, Math.floor(glb.byteLength * share)))).toThrow(/ends too early/);
+    }
+  });
+});
