@@ -53,11 +53,13 @@ export const add = (job: Job) => keep(job);
 
 /** The newest jobs anew: others may have sent or erased some. */
 export async function refresh(): Promise<void> {
+  // What is sent meanwhile may not be in the answer.
+  const before = [...known.peek().keys()];
   try {
     const { jobs: newest, next_cursor } = await fetchJobs(PAGE);
     const last = newest.at(-1)?.id ?? "";
     const there = new Set(newest.map((job) => job.id));
-    for (const id of known.peek().keys()) {
+    for (const id of before) {
       const isInReach = next_cursor === null || id >= last;
       if (isInReach && !there.has(id)) forget(id);
     }

@@ -20,7 +20,12 @@ export function Viewer({ glb, view, label, onCamera }: Props) {
   useEffect(() => {
     holder.current?.append(viewer);
     // What cannot be shown is told by the element itself.
-    viewer.load(glb, view.numbers).catch(() => {});
+    viewer.load(glb, view.numbers).then(
+      () => {
+        viewer.dataset.state = "ready";
+      },
+      () => {},
+    );
     viewer.difference = view.difference;
     view.viewer.value = viewer;
     return () => viewer.remove();

@@ -1,6 +1,7 @@
 /** A service of its own and a browser for the tests of the page. */
 
 import { type ChildProcess, execFileSync, spawn } from "node:child_process";
+import { once } from "node:events";
 import { existsSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
@@ -13,7 +14,7 @@ const BROWSERS = [process.env.BROWSER, "/usr/bin/chromium", "/usr/bin/google-chr
 export interface Service {
   url: string;
   dataDir: string;
-  stop(): void;
+  stop(): Promise<void>;
 }
 
 /** Starts the program on a port of its own. */
@@ -27,8 +28,11 @@ export async function startService(options: string[] = [], dataDir = scratch()):
   return {
     url: `http://${address}`,
     dataDir,
-    stop() {
+    async stop() {
+      server.removeAllListeners("exit");
+      const ended = once(server, "exit");
       server.kill();
+      await ended;
       rmSync(dataDir, { recursive: true, force: true });
     },
   };
