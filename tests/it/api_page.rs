@@ -6,6 +6,7 @@ use std::io::Read;
 use axum::http::Method;
 use flate2::read::GzDecoder;
 use medialrep::http::web::{Page, PageFile};
+use medialrep::jobs::token::{Scope, Token};
 use sha2::{Digest, Sha256};
 
 use crate::support::{Answer, Server};
@@ -158,6 +159,18 @@ async fn pages_of_allowed_origins_may_load_the_viewer() {
     let other = get(&server, "/viewer.js", &[("origin", "https://evil.example")]).await;
     assert!(!other.headers.contains_key("access-control-allow-origin"));
     assert_eq!(other.header("cross-origin-resource-policy"), "same-origin");
+}
+
+#[tokio::test]
+async fn the_page_asks_for_no_token() {
+    let server = Server::with_page(planted).await;
+    let token = Token::new().unwrap().stored("t".to_owned(), vec![Scope::Read], None);
+    server.jobs.store().insert_token(&token).await.unwrap();
+    server.get("/v1/jobs").await.is_problem(401, "token_missing");
+    assert_eq!(get(&server, "/", &[BROWSER]).await.status, 200);
+    for path in ["/page.js", "/viewer.js"] {
+        assert_eq!(server.get(path).await.status, 200, "{path}");
+    }
 }
 
 #[tokio::test]
