@@ -1,4 +1,4 @@
-import { PerspectiveCamera, Vector3 } from "three";
+import { Box3, PerspectiveCamera, Vector3 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import type { Point } from "../model/thickness";
 
@@ -29,7 +29,7 @@ export const SIDE_DIRECTIONS: Readonly<Record<Side, Point>> = {
 };
 
 const FIELD_DEGREES = 30;
-const MARGIN = 1.08;
+const MARGIN = 1.12;
 
 /** The camera and what moves it. */
 export class Orbit {
@@ -40,8 +40,8 @@ export class Orbit {
   #home: Vector3;
   #quiet = false;
 
-  /** `moved` is told whether a person moved it (or else the program that uses the element). */
-  constructor(canvas: HTMLElement, up: Point, home: Point, moved: (byPerson: boolean) => void) {
+  /** `moved` is told whether that is news: not where the state was set, or it was fitted to a model or a size. */
+  constructor(canvas: HTMLElement, up: Point, home: Point, moved: (news: boolean) => void) {
     this.camera.up.set(...up);
     this.#home = new Vector3(...home).normalize();
     this.#controls = new OrbitControls(this.camera, canvas);
@@ -64,7 +64,7 @@ export class Orbit {
     };
   }
 
-  /** Without telling that it moved by a person. */
+  /** Is no news. */
   set state({ offset, direction, distance }: CameraState) {
     const target = this.#centre.clone().add(new Vector3(...offset));
     this.#quietly(() => this.#place(target, new Vector3(...direction).normalize(), distance));
@@ -79,38 +79,40 @@ export class Orbit {
     this.camera.updateProjectionMatrix();
   }
 
-  /** The middle and size of the model, from the corners of the boxes round it. */
-  setModel(corners: readonly Vector3[]): void {
-    const low = corners.reduce((m, p) => m.min(p), new Vector3().setScalar(Number.POSITIVE_INFINITY));
-    const high = corners.reduce((m, p) => m.max(p), new Vector3().setScalar(Number.NEGATIVE_INFINITY));
-    if (corners.length === 0) return;
-    this.#centre.copy(low).add(high).divideScalar(2);
-    this.#radius = Math.max(1e-3, low.distanceTo(high) / 2);
+  /** The middle and size of the model, from points all over it. */
+  setModel(points: readonly Vector3[]): void {
+    if (points.length === 0) return;
+    const box = new Box3().setFromPoints([...points]);
+    box.getCenter(this.#centre);
+    this.#radius = Math.max(1e-3, box.min.distanceTo(box.max) / 2);
     this.#controls.minDistance = this.#radius / 50;
     this.#controls.maxDistance = this.#radius * 40;
   }
 
-  /** Moves the eye along its line of sight until all corners are in the picture. */
-  fit(corners: readonly Vector3[], direction = this.#direction()): void {
-    if (corners.length === 0) return;
-    const low = corners.reduce((m, p) => m.min(p), corners[0]?.clone() ?? new Vector3());
-    const high = corners.reduce((m, p) => m.max(p), corners[0]?.clone() ?? new Vector3());
-    const target = low.add(high).divideScalar(2);
+  /** Without turning, moves the eye to where all points are in the picture and fill it. */
+  fit(points: readonly Vector3[], news: boolean, direction = this.#direction()): void {
+    if (points.length === 0) return;
     const right = new Vector3().crossVectors(this.camera.up, direction).normalize();
     const above = new Vector3().crossVectors(direction, right);
+    const target = [right, above, direction].reduce((sum, axis) => {
+      const places = points.map((point) => point.dot(axis));
+      const [low, high] = [places.reduce((a, b) => Math.min(a, b)), places.reduce((a, b) => Math.max(a, b))];
+      return sum.addScaledVector(axis, (low + high) / 2);
+    }, new Vector3());
     const tall = Math.tan((FIELD_DEGREES * Math.PI) / 360) / MARGIN;
     const wide = tall * this.camera.aspect;
-    const distance = corners.reduce((most, corner) => {
-      const from = corner.clone().sub(target);
+    const distance = points.reduce((most, point) => {
+      const from = point.clone().sub(target);
       const needed = Math.max(Math.abs(from.dot(right)) / wide, Math.abs(from.dot(above)) / tall);
       return Math.max(most, from.dot(direction) + needed);
     }, 0);
-    this.#quietly(() => this.#place(target, direction, distance));
+    if (news) this.#place(target, direction, distance);
+    else this.#quietly(() => this.#place(target, direction, distance));
   }
 
   /** The view the file asks for. */
-  goHome(corners: readonly Vector3[]): void {
-    this.fit(corners, this.#home.clone());
+  goHome(points: readonly Vector3[]): void {
+    this.fit(points, false, this.#home.clone());
   }
 
   lookFrom(direction: Point): void {

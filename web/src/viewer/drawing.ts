@@ -13,18 +13,19 @@ export class Drawing {
   /** Nobody has moved the camera since everything was made to fit. */
   #fitted = true;
 
-  /** `moved` is told whether a person moved the camera or else the program that uses the element. */
-  constructor(stage: Stage, frame: HTMLElement, model: GlbModel, shown: Shown, moved: (byPerson: boolean) => void) {
+  /** `moved` is told whether that is news to those who follow the camera. */
+  constructor(stage: Stage, frame: HTMLElement, model: GlbModel, shown: Shown, moved: (news: boolean) => void) {
     this.stage = stage;
     this.view = new ModelView(model, shown, stage.materials);
-    this.orbit = new Orbit(frame, model.up, homeDirection(model), (byPerson) => {
+    this.orbit = new Orbit(frame, model.up, homeDirection(model), (news) => {
       this.#fitted = false;
       stage.moved();
-      moved(byPerson);
+      moved(news);
     });
     stage.scene.add(this.view.group);
-    this.orbit.setModel(this.#corners());
-    this.orbit.goHome(this.#corners());
+    const points = this.view.points();
+    this.orbit.setModel(points);
+    this.orbit.goHome(points);
     this.#fitted = true;
     this.resized();
     // Fast first, sharp afterwards.
@@ -36,8 +37,9 @@ export class Drawing {
     this.stage.render(this.orbit);
   }
 
-  fit(): void {
-    this.orbit.fit(this.#corners());
+  /** `news`: whether to tell that the camera has moved. */
+  fit(news: boolean): void {
+    this.orbit.fit(this.view.points(), news);
     this.#fitted = true;
   }
 
@@ -46,7 +48,7 @@ export class Drawing {
     const { width, height } = this.stage.size;
     if (width === 0 || height === 0) return;
     this.orbit.setAspect(width / height);
-    if (this.#fitted) this.fit();
+    if (this.#fitted) this.fit(false);
   }
 
   reshow(): void {
@@ -58,10 +60,6 @@ export class Drawing {
     this.stage.scene.remove(this.view.group);
     this.orbit.dispose();
     this.view.dispose();
-  }
-
-  #corners(): Vector3[] {
-    return this.view.corners();
   }
 }
 

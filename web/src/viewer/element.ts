@@ -64,7 +64,6 @@ export class MedialViewer extends HTMLElement {
       this.#fail(error);
       throw error;
     }
-    this.#emit("modelload", null);
   }
 
   /** What is known of the nodes; null without a model. */
@@ -158,7 +157,7 @@ export class MedialViewer extends HTMLElement {
 
   /** Moves the camera, without turning it, until everything shown fills the picture. */
   fit(): void {
-    this.#viewer.drawing?.fit();
+    this.#viewer.drawing?.fit(true);
   }
 
   lookFrom(side: Side): void {
@@ -196,7 +195,6 @@ export class MedialViewer extends HTMLElement {
       if (signal.aborted) return;
       this.#pending = false;
       this.#viewer.open(glb, numbers);
-      this.#emit("modelload", null);
     } catch (error) {
       if (!signal.aborted) this.#fail(error);
     }

@@ -8,8 +8,11 @@ export interface ViewerEvents {
   modelload: null;
   /** A sentence for people. */
   modelerror: { message: string };
+  /** A person points at another node or at none. */
   nodehover: NodeInfo | null;
+  /** The picked nodes, 0 to 2. */
   nodepick: NodeInfo[];
+  /** The camera has moved; not by the setter `camera`, and not because of a new model or size. */
   camerachange: CameraState;
   /** A person has changed the range; null is back to that of the data. */
   rangechange: Range | null;

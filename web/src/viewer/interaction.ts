@@ -161,7 +161,7 @@ export class Interaction {
     turn: (right, upward) => this.#scene.drawing?.orbit.turn(right * TURN, upward * TURN),
     pan: (right, upward) => this.#scene.drawing?.orbit.pan(right * PAN, upward * PAN),
     zoom: (steps) => this.#scene.drawing?.orbit.zoom(ZOOM ** steps),
-    fit: () => this.#scene.drawing?.fit(),
+    fit: () => this.#scene.drawing?.fit(true),
     clear: () => {
       this.clearPicks();
       this.#point(null, null);

@@ -12,6 +12,7 @@ import { TriangleOrder } from "./triangle-order";
 
 /** How many triangles of skin the processor can draw many times a second. */
 const CHEAP_TRIANGLES = 30_000;
+const POINTS_PER_MESH = 300;
 const OPAQUE = 255;
 const SIDE_OPACITY = 120;
 const CREST = [160, 160, 160, 90] as const;
@@ -77,14 +78,16 @@ export class ModelView {
     if (this.#coarseSkin) this.#coarseSkin.visible = coarsely;
   }
 
-  /** Corners of the boxes round what is to be seen. */
-  corners(): Vector3[] {
-    const boxes = this.#all().flatMap((merged) => merged.parts.filter(({ mesh }) => this.#shown.mesh(mesh)));
-    return boxes.flatMap(({ box }) =>
-      [0, 1, 2, 3, 4, 5, 6, 7].map(
-        (n) => new Vector3(n & 1 ? box.max.x : box.min.x, n & 2 ? box.max.y : box.min.y, n & 4 ? box.max.z : box.min.z),
-      ),
-    );
+  /** Points all over what is to be seen. */
+  points(): Vector3[] {
+    const parts = this.#all().flatMap((merged) => merged.parts.filter(({ mesh }) => this.#shown.mesh(mesh)));
+    return parts.flatMap(({ mesh: { positions } }) => {
+      const count = positions.length / 3;
+      const step = Math.ceil(count / POINTS_PER_MESH);
+      return Array.from({ length: Math.ceil(count / step) }, (_, n) =>
+        new Vector3().fromArray(positions, 3 * n * step),
+      );
+    });
   }
 
   dispose(): void {

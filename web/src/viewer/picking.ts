@@ -1,7 +1,8 @@
-import { type Camera, Ray, Vector2, Vector3 } from "three";
+import { type Camera, Ray, Vector3 } from "three";
+import type { GlbMesh } from "../model/glb";
 import { figuresOf, type NodeRef, type Result } from "../model/result";
 import type { Surface } from "../model/thickness";
-import type { Merged } from "./merged";
+import type { Part } from "./merged";
 import type { ModelView } from "./model-view";
 import type { Shown } from "./shown";
 
@@ -26,41 +27,63 @@ export function project(point: readonly [number, number, number], camera: Camera
   return { x: ((place.x + 1) / 2) * size.width, y: ((1 - place.y) / 2) * size.height };
 }
 
-/** The node a person means who points there: of the first surface under the pointer, else the nearest on the screen. */
+/**
+ * The node a person means who points there: of all surfaces under the pointer, down to the first that cannot be seen
+ * through, the node that is nearest to the pointer on the screen; beside the surfaces the nearest within reach.
+ */
 export function nodeAt(
   at: ScreenPoint,
   { view, shown, result }: { view: ModelView; shown: Shown; result: Result },
   camera: Camera,
   size: Size,
 ): NodeRef | null {
-  const pointer = new Vector2((at.x / size.width) * 2 - 1, 1 - (at.y / size.height) * 2);
-  const origin = new Vector3().setFromMatrixPosition(camera.matrixWorld);
-  const through = new Vector3(pointer.x, pointer.y, 0.5).unproject(camera);
-  const ray = new Ray(origin, through.sub(origin).normalize());
-  return hitNode(ray, [view.medial, view.sides], shown, result) ?? nearestNode(at, shown, result, camera, size);
-}
-
-function hitNode(ray: Ray, surfaces: readonly Merged[], shown: Shown, result: Result): NodeRef | null {
+  const hits = hitsOf(rayThrough(at, camera, size), [...view.medial.parts, ...view.sides.parts], shown);
+  const wall = Math.min(...hits.filter(({ mesh }) => mesh.layer === "medial").map(({ distance }) => distance));
   let nearest = Number.POSITIVE_INFINITY;
   let found: NodeRef | null = null;
-  const corners = [new Vector3(), new Vector3(), new Vector3()] as const;
-  const hit = new Vector3();
-  for (const { mesh, box } of surfaces.flatMap((surface) => surface.parts)) {
-    if (!mesh.nodes || !shown.mesh(mesh) || !ray.intersectsBox(box)) continue;
-    for (let n = 0; n < mesh.indices.length; n += 3) {
-      corners.forEach((corner, c) => {
-        corner.fromArray(mesh.positions, 3 * (mesh.indices[n + c] ?? 0));
-      });
-      if (!ray.intersectTriangle(...corners, false, hit)) continue;
-      const distance = ray.origin.distanceToSquared(hit);
-      if (distance >= nearest) continue;
-      nearest = distance;
-      const away = corners.map((corner) => corner.distanceToSquared(hit));
-      const closest = away.indexOf(Math.min(...away));
-      found = refOf(result, mesh.structure, mesh.figure, mesh.nodes[mesh.indices[n + closest] ?? 0]);
+  for (const { mesh, corners } of hits.filter(({ distance }) => distance <= wall)) {
+    for (const vertex of corners) {
+      const [x = 0, y = 0, z = 0] = mesh.positions.subarray(3 * vertex, 3 * vertex + 3);
+      const away = distanceOnScreen(project([x, y, z], camera, size), at);
+      if (away >= nearest) continue;
+      nearest = away;
+      found = refOf(result, mesh.structure, mesh.figure, mesh.nodes?.[vertex]);
     }
   }
-  return found;
+  return found ?? nearestNode(at, shown, result, camera, size);
+}
+
+interface Hit {
+  mesh: GlbMesh;
+  /** Of the triangle that was hit. */
+  corners: [number, number, number];
+  distance: number;
+}
+
+function rayThrough(at: ScreenPoint, camera: Camera, size: Size): Ray {
+  const origin = new Vector3().setFromMatrixPosition(camera.matrixWorld);
+  const through = new Vector3((at.x / size.width) * 2 - 1, 1 - (at.y / size.height) * 2, 0.5).unproject(camera);
+  return new Ray(origin, through.sub(origin).normalize());
+}
+
+/** Where the ray meets each mesh that is shown, every time it does. */
+function hitsOf(ray: Ray, parts: readonly Part[], shown: Shown): Hit[] {
+  const hits: Hit[] = [];
+  const [a, b, c, hit] = [new Vector3(), new Vector3(), new Vector3(), new Vector3()];
+  for (const { mesh, box } of parts) {
+    if (!mesh.nodes || !shown.mesh(mesh) || !ray.intersectsBox(box)) continue;
+    const { indices, positions } = mesh;
+    for (let n = 0; n < indices.length; n += 3) {
+      const corners: Hit["corners"] = [indices[n] ?? 0, indices[n + 1] ?? 0, indices[n + 2] ?? 0];
+      a.fromArray(positions, 3 * corners[0]);
+      b.fromArray(positions, 3 * corners[1]);
+      c.fromArray(positions, 3 * corners[2]);
+      if (ray.intersectTriangle(a, b, c, false, hit)) {
+        hits.push({ mesh, corners, distance: ray.origin.distanceTo(hit) });
+      }
+    }
+  }
+  return hits;
 }
 
 function nearestNode(at: ScreenPoint, shown: Shown, result: Result, camera: Camera, size: Size): NodeRef | null {
@@ -71,9 +94,7 @@ function nearestNode(at: ScreenPoint, shown: Shown, result: Result, camera: Came
       const layer = shown.layers.has("vectors") ? "vectors" : surface;
       if (!shown.mesh({ layer, structure: figure.structure, figure: figure.index })) continue;
       figure[surface].forEach((point, node) => {
-        const place = point && project(point, camera, size);
-        if (!place) return;
-        const distance = Math.hypot(place.x - at.x, place.y - at.y);
+        const distance = distanceOnScreen(point && project(point, camera, size), at);
         if (distance >= nearest) return;
         nearest = distance;
         found = refOf(result, figure.structure, figure.index, node);
@@ -81,6 +102,10 @@ function nearestNode(at: ScreenPoint, shown: Shown, result: Result, camera: Came
     }
   }
   return found;
+}
+
+function distanceOnScreen(place: ScreenPoint | null, at: ScreenPoint): number {
+  return place ? Math.hypot(place.x - at.x, place.y - at.y) : Number.POSITIVE_INFINITY;
 }
 
 function refOf(result: Result, structure: number, figure: number | null, node: number | undefined): NodeRef | null {

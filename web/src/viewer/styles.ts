@@ -23,7 +23,7 @@ styles.replaceSync(`
   /* Its end tells the program that the colours of the page have changed. */
   transition: color 1ms, background-color 1ms;
 }
-.stage, .stage > canvas, .marks { position: absolute; inset: 0; width: 100%; height: 100%; }
+.stage, .stage > canvas { position: absolute; inset: 0; width: 100%; height: 100%; }
 .stage { outline: none; touch-action: none; cursor: grab; }
 .stage:active { cursor: grabbing; }
 .stage.over { cursor: crosshair; }
@@ -66,7 +66,10 @@ styles.replaceSync(`
 .hint { position: absolute; left: 50%; top: 12px; translate: -50%; padding: 4px 10px; margin: 0; pointer-events: none; }
 .unseen { position: absolute; width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%); white-space: nowrap; }
 @container (max-width: 480px) {
-  .legend { right: 8px; width: auto; padding: 6px 10px; }
+  /* There is no room over the model: below it. */
+  .view { display: flex; flex-direction: column; }
+  .stage { position: relative; flex: 1 1 0; height: auto; min-height: 0; overflow: hidden; }
+  .legend { position: static; flex: none; width: auto; max-height: 50%; padding: 6px 10px; border-radius: 0; }
   .categories { max-height: 4.5rem; }
 }
 `);

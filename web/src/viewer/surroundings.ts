@@ -32,6 +32,8 @@ export class Surroundings {
     this.stage.setAttribute("role", "application");
     this.stage.setAttribute("aria-roledescription", "3D picture");
     this.stage.setAttribute("aria-describedby", help.id);
+    this.stage.append(this.marks);
+    this.marks.hidden = true;
     this.marks.setAttribute("aria-hidden", "true");
     this.#live.setAttribute("aria-live", "polite");
     this.#message.setAttribute("role", "status");
@@ -40,7 +42,6 @@ export class Surroundings {
     this.say(null);
     this.element.append(
       this.stage,
-      this.marks,
       this.#message,
       this.gizmo.element,
       this.legend.element,

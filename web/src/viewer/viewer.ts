@@ -15,6 +15,8 @@ import { Stage } from "./stage";
 import { Surroundings } from "./surroundings";
 import { type Theme, themeOf } from "./theme";
 
+const UNABLE = "This browser cannot draw in 3D: it has no WebGL 2, or it is switched off.";
+
 /** The viewer without its element: holds the model and what is shown of it, and draws it. */
 export class Viewer {
   readonly shown = new Shown();
@@ -26,6 +28,9 @@ export class Viewer {
   /** While the element is in a page. */
   #stage: Stage | null = null;
   #drawing: Drawing | null = null;
+  #unable = false;
+  /** The model has not been drawn yet. */
+  #fresh = false;
   #quantity: Quantity = "total";
   #ownRange: Range | null = null;
   #theme: Theme = { background: [255, 255, 255], ink: [0, 0, 0], glass: [0, 0, 0] };
@@ -63,13 +68,14 @@ export class Viewer {
   /** The element is in a page. */
   connect(): void {
     const graphics = openGraphics();
+    this.#unable = !graphics;
     if (!graphics) {
-      this.surroundings.say("This browser cannot draw in 3D: it has no WebGL 2, or it is switched off.");
+      this.surroundings.say(UNABLE);
       return;
     }
     this.#stage = new Stage(graphics, () => this.#draw());
     this.surroundings.stage.prepend(graphics.canvas);
-    this.#resizes.observe(this.surroundings.element);
+    this.#resizes.observe(this.surroundings.stage);
     this.#start();
   }
 
@@ -85,6 +91,7 @@ export class Viewer {
 
   /** Shows another model. Throws an Error with a sentence for people. */
   open(glb: ArrayBuffer, numbers: Thickness | undefined): void {
+    if (this.#unable) throw new Error(UNABLE);
     const model = parseGlb(glb);
     const result = numbers ? fromThickness(numbers) : fromGlb(model);
     for (const { structure, figure } of model.meshes) {
@@ -95,6 +102,7 @@ export class Viewer {
     this.close();
     this.#model = model;
     this.#result = result;
+    this.#fresh = true;
     this.shown.reset();
     this.#start();
   }
@@ -184,17 +192,20 @@ export class Viewer {
     if (!this.#stage || !this.#model || !this.#result) return;
     this.surroundings.say(null);
     this.#stage.resize(frame.clientWidth, frame.clientHeight);
-    this.#drawing = new Drawing(this.#stage, frame, this.#model, this.shown, (byPerson) => this.#moved(byPerson));
+    this.#drawing = new Drawing(this.#stage, frame, this.#model, this.shown, (news) => this.#moved(news));
     if (this.#camera) this.#drawing.orbit.state = this.#camera;
     this.interaction.start();
     gizmo.element.hidden = this.#model.space === null;
     this.#retheme();
     this.#repaint();
     this.#stage.drawNow();
+    if (this.#fresh) this.#emit("modelload", null);
+    this.#fresh = false;
   }
 
   #stop(): void {
     this.interaction.stop();
+    this.surroundings.marks.hidden = true;
     this.#drawing?.dispose();
     this.#drawing = null;
     this.#stage?.invalidate();
@@ -210,9 +221,9 @@ export class Viewer {
     this.interaction.drawMarks();
   }
 
-  #moved(byPerson: boolean): void {
+  #moved(news: boolean): void {
     this.surroundings.tooltip.hide();
-    if (byPerson && this.#drawing) this.#emit("camerachange", this.#drawing.orbit.state);
+    if (news && this.#drawing) this.#emit("camerachange", this.#drawing.orbit.state);
   }
 
   #resize(): void {
