@@ -25,7 +25,8 @@ for _ in $(seq 100); do
     sleep 0.1
 done
 
-job=$(curl -sf -D - -o /dev/null --data-binary "@$mask" "$url/v1/jobs" | tr -d '\r' | sed -n 's/^[Ll]ocation: //p')
+job=$(curl -sf -D - -o /dev/null --data-binary "@$mask" \
+    "$url/v1/jobs?labels=%7B%22sample%22%3A%22$sample%22%7D" | tr -d '\r' | sed -n 's/^[Ll]ocation: //p')
 state=queued
 for _ in $(seq 300); do
     state=$(curl -sf "$url$job" | sed -n 's/.*"state":"\([a-z]*\)".*/\1/p')
@@ -34,12 +35,10 @@ done
 
 cat <<END
 
-medialrep is running at $url
+medialrep is running. A sample ($sample) was sent; its job has $state. See it in a browser:
+  $url/#/jobs/${job##*/}
 
-A sample ($sample) was sent; its job has $state:
-  $url$job
-
-Try:
+Or try:
   curl $url$job                                        # the job: state, progress, results
   curl -OJ $url$job/results/model.glb                  # meshes, for any glTF viewer
   curl $url$job/results/thickness.json                 # sheets, surfaces, thickness vectors
@@ -47,7 +46,7 @@ Try:
   curl -F mask=@$mask -F 'params={"grid":"auto"}' $url/v1/jobs
   curl $url/v1/jobs                                    # all jobs
   curl -X DELETE $url$job                              # erase a job, its mask and results
-  $url/docs                                            # everything else, in a browser
+  $url/docs                                            # all routes, to be tried out in a browser
 
 Ctrl-C stops it; jobs stay in ./data.
 END

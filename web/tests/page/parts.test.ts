@@ -1,0 +1,119 @@
+import { expect, test } from "vitest";
+import type { Job } from "../../src/api/client";
+import type { Result, ResultFigure } from "../../src/model/result";
+import type { Point } from "../../src/model/thickness";
+import { nodeAreas } from "../../src/page/area";
+import { curlLines } from "../../src/page/curl";
+import { difference } from "../../src/page/difference";
+import { frameOf, nodeTree, place } from "../../src/page/flat";
+import { histogram } from "../../src/page/histogram";
+import { keyOf, parsePoints } from "../../src/page/points";
+import { bytes, duration } from "../../src/page/words";
+
+const HEAD = "structure,figure,surface,x_mm,y_mm,z_mm,u_mm,v_mm";
+
+test("points are told apart by figure and surface", () => {
+  const points = parsePoints(
+    `${HEAD}\n0,0,medial,1,2,3,4.5,-5\n0,0,medial,1,2,3,6,7\n0,1,upper,1,2,3,8,9\n0,0,medial,1,2,3,,\n`,
+  );
+  expect([...(points.get(keyOf(0, 0, "medial")) ?? [])]).toEqual([4.5, -5, 6, 7]);
+  expect([...(points.get(keyOf(0, 1, "upper")) ?? [])]).toEqual([8, 9]);
+  expect(points.size).toBe(2);
+});
+
+test("points in other columns are not taken for points", () => {
+  expect(() => parsePoints("x,y\n1,2\n")).toThrow(/other columns/);
+});
+
+test("each node stands for a quarter of the quads round it", () => {
+  const flat: Point[] = [0, 1, 2].flatMap((i) => [0, 1, 2].map((j): Point => [2 * j, 3 * i, 0]));
+  expect([...nodeAreas({ rows: 3, cols: 3 }, flat)]).toEqual([1.5, 3, 1.5, 3, 6, 3, 1.5, 3, 1.5]);
+  const holed = flat.map((point, node) => (node === 0 ? null : point));
+  expect(nodeAreas({ rows: 3, cols: 3 }, holed).reduce((sum, area) => sum + area)).toBe(18);
+});
+
+test("a histogram keeps all the weight, also of what is outside", () => {
+  const values = [-5, 0, 0.9, 1, 2, 99].map((value) => ({ value, weight: 2 }));
+  const bins = histogram(values, [0, 2], 2);
+  expect(bins.map(({ weight }) => weight)).toEqual([6, 6]);
+  expect(bins.map(({ from, to }) => [from, to])).toEqual([
+    [0, 1],
+    [1, 2],
+  ]);
+  expect(histogram([{ value: 3, weight: 1 }], [3, 3], 4)[0]?.weight).toBe(1);
+});
+
+test("a frame shows everything at one scale, v upward", () => {
+  const frame = frameOf([[0, 0], null, [20, 0]], new Float32Array([0, 10]), 236, 236);
+  expect(frame.scale).toBe(10);
+  expect(place(frame, [0, 0])).toEqual([18, 168]);
+  expect(place(frame, [20, 10])).toEqual([218, 68]);
+});
+
+test("the node nearest to a point of the plane is found within reach", () => {
+  const nodes = nodeTree([[0, 0], null, [5, 0]]);
+  expect(nodes.find(4, 1, 2)?.index).toBe(2);
+  expect(nodes.find(2.5, 4, 2)).toBeUndefined();
+});
+
+function figure(structure: number, rows: number, cols: number, total: (number | null)[]): ResultFigure {
+  const none = { medial: [], upper: [], lower: [], upper_mm: [], lower_mm: [] };
+  const unknown = { radius_mm: null, distortion: null, intrinsic: null, difference: null };
+  return { structure, index: 0, order: 0, rows, cols, total_mm: total, ...none, ...unknown };
+}
+
+function result(...structures: [label: number, figure: ResultFigure | null][]): Result {
+  return {
+    structures: structures.map(([label, figure], index) => ({
+      index,
+      label,
+      refusal: null,
+      figures: figure === null ? [] : [figure],
+    })),
+  };
+}
+
+test("structures are compared by label, node by node", () => {
+  const first = result([7, figure(0, 1, 3, [1, 2, null])], [9, figure(1, 1, 2, [4, 4])]);
+  const second = result([9, figure(0, 1, 2, [5, 3])], [7, figure(1, 1, 3, [1.5, 1, 8])]);
+  const found = difference(first, second);
+  expect(found.ofFirst).toEqual([
+    { structure: 0, figure: 0, values: [0.5, -1, null] },
+    { structure: 1, figure: 0, values: [1, -1] },
+  ]);
+  expect(found.ofSecond.map(({ structure }) => structure)).toEqual([1, 0]);
+  expect(found.summary).toMatchObject({ nodes: 4, mean: -0.125, largest: -1 });
+  expect(found.left).toEqual([]);
+});
+
+test("what cannot be compared is named", () => {
+  const first = result([7, figure(0, 1, 2, [1, 1])], [8, figure(1, 1, 2, [1, 1])], [5, figure(2, 1, 2, [1, 1])]);
+  const second = result([7, figure(0, 2, 1, [1, 1])], [9, figure(1, 1, 2, [1, 1])], [5, null]);
+  const { summary, left } = difference(first, second);
+  expect(summary).toBeNull();
+  expect(left).toEqual([
+    "label 7: grids are 1 × 2 and 2 × 1",
+    "label 8 is in the first only",
+    "label 5 has 1 and 0 figures",
+    "label 9 is in the second only",
+  ]);
+});
+
+test("the curl lines hold the parameters, and a place for the token, never the token", () => {
+  const job = {
+    id: "x",
+    labels: {},
+    params: { grid: "auto" },
+    links: { self: "/v1/jobs/x" },
+    results: [{ href: "/v1/jobs/x/results/model.glb" }],
+  } as unknown as Job;
+  const lines = curlLines(job, "https://mask.example.org", true);
+  expect(lines).toContain(`-F mask=@mask.nii.gz -F 'params={"grid":"auto"}' 'https://mask.example.org/v1/jobs'`);
+  expect(lines).toContain("https://mask.example.org/v1/jobs/x/results/model.glb");
+  expect(lines.match(/\$TOKEN/g)).toHaveLength(3);
+});
+
+test("sizes and times are told in units for people", () => {
+  expect([0, 999, 1000, 12_345_678].map(bytes)).toEqual(["0 B", "999 B", "1.0 kB", "12.3 MB"]);
+  expect([0.31, 59, 3600, 604_800].map(duration)).toEqual(["0.3 s", "59 s", "60 min", "7 days"]);
+});
