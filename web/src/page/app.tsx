@@ -6,7 +6,7 @@ import { JobList } from "./job-list";
 import { JobView } from "./job-view";
 import { actProblem, jobs, keepUpToDate } from "./jobs";
 import { ProblemNote } from "./problem";
-import { route } from "./route";
+import { route, showMain } from "./route";
 import { askForLimits, askForSamples } from "./send";
 import { SendPanel } from "./send-panel";
 import { TokenDialog } from "./token-dialog";
@@ -15,6 +15,9 @@ import { TokenDialog } from "./token-dialog";
 export function begin(): void {
   render(<App />, document.body);
   keepUpToDate();
+  effect(() => {
+    if (route.value.at !== "start") showMain();
+  });
   effect(() => {
     // What the service takes can be asked without a token, its samples cannot.
     token.value;
@@ -32,7 +35,7 @@ function App() {
   const failed = actProblem.value;
   return (
     <>
-      <button type="button" class="skip" onClick={() => document.getElementById("main")?.focus()}>
+      <button type="button" class="skip" onClick={showMain}>
         Skip to the job
       </button>
       <header class="top">

@@ -1,5 +1,6 @@
 import { useMemo } from "preact/hooks";
 import type { Job } from "../api/client";
+import type { Result } from "../model/result";
 import type { CameraState } from "../viewer";
 import { type Difference, difference } from "./difference";
 import { useJob } from "./job-view";
@@ -8,6 +9,7 @@ import { ProblemNote } from "./problem";
 import { type Loaded, useResult } from "./result";
 import { href } from "./route";
 import { fileNames } from "./send";
+import { StructurePanel } from "./structure-panel";
 import { Style, View } from "./view";
 import { Viewer } from "./viewer";
 import { nameOf, number, plural } from "./words";
@@ -58,6 +60,7 @@ export function CompareView({ ids }: { ids: [string, string] }) {
         <section class="fold">
           <h3>Show</h3>
           <LayerPanel view={views.second} />
+          {views.haveSameStructures && <StructurePanel view={views.second} />}
         </section>
       </div>
     </article>
@@ -93,7 +96,8 @@ function viewsOf(a: Loaded, b: Loaded, style: Style) {
   first.partner = second;
   second.partner = first;
   if (found.summary !== null) style.colorBy("difference");
-  return { first, second, difference: found };
+  const namesOf = ({ structures }: Result) => structures.map(({ index, label }) => `${index}:${label}`).join();
+  return { first, second, difference: found, haveSameStructures: namesOf(a.result) === namesOf(b.result) };
 }
 
 function DifferenceText({ difference: { summary, left } }: { difference: Difference }) {

@@ -31,6 +31,11 @@ addEventListener("hashchange", () => {
   route.value = parse(location.hash);
 });
 
+/** Brings into view what the address names, which on a phone is below the jobs, and leads screen readers to it. */
+export function showMain(): void {
+  document.getElementById("main")?.focus();
+}
+
 export function go(to: Route): void {
   location.hash = href(to);
 }

@@ -31,6 +31,13 @@ export const SIDE_DIRECTIONS: Readonly<Record<Side, Point>> = {
 const FIELD_DEGREES = 30;
 const MARGIN = 1.12;
 
+export interface CameraFollower {
+  /** Is told whether that is news: not where the state was set, or it was fitted to a model or a size. */
+  moved(news: boolean): void;
+  /** A finger or a button has gone down or up again. */
+  held(on: boolean): void;
+}
+
 /** The camera and what moves it. */
 export class Orbit {
   readonly camera = new PerspectiveCamera(FIELD_DEGREES);
@@ -40,16 +47,17 @@ export class Orbit {
   #home: Vector3;
   #quiet = false;
 
-  /** `moved` is told whether that is news: not where the state was set, or it was fitted to a model or a size. */
-  constructor(canvas: HTMLElement, up: Point, home: Point, moved: (news: boolean) => void) {
+  constructor(canvas: HTMLElement, up: Point, home: Point, told: CameraFollower) {
     this.camera.up.set(...up);
     this.#home = new Vector3(...home).normalize();
     this.#controls = new OrbitControls(this.camera, canvas);
     this.#controls.enableDamping = false;
     this.#controls.zoomToCursor = false;
+    this.#controls.addEventListener("start", () => told.held(true));
+    this.#controls.addEventListener("end", () => told.held(false));
     this.#controls.addEventListener("change", () => {
       this.#setDepth();
-      moved(!this.#quiet);
+      told.moved(!this.#quiet);
     });
   }
 

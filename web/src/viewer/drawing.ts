@@ -17,10 +17,13 @@ export class Drawing {
   constructor(stage: Stage, frame: HTMLElement, model: GlbModel, shown: Shown, moved: (news: boolean) => void) {
     this.stage = stage;
     this.view = new ModelView(model, shown, stage.materials);
-    this.orbit = new Orbit(frame, model.up, homeDirection(model), (news) => {
-      this.#fitted = false;
-      stage.moved();
-      moved(news);
+    this.orbit = new Orbit(frame, model.up, homeDirection(model), {
+      moved: (news) => {
+        this.#fitted = false;
+        stage.moved();
+        moved(news);
+      },
+      held: (on) => stage.hold(on),
     });
     stage.scene.add(this.view.group);
     const points = this.view.points();
@@ -57,6 +60,7 @@ export class Drawing {
   }
 
   dispose(): void {
+    this.stage.hold(false);
     this.stage.scene.remove(this.view.group);
     this.orbit.dispose();
     this.view.dispose();

@@ -5,7 +5,7 @@ import { Materials } from "./materials";
 import type { Theme } from "./theme";
 
 /** How long the view has to stand still before it is drawn sharply, ms. */
-const REST_MS = 160;
+const REST_MS = 250;
 const MOVING_RATIO = 0.75;
 const MOST_PIXELS = 2560 * 1600;
 
@@ -19,6 +19,7 @@ export class Stage {
   #frame = 0;
   #rest = 0;
   #moving = false;
+  #held = false;
   #size = { width: 0, height: 0 };
   /** Width, height and pixels per CSS pixel of the canvas. */
   #buffer = [0, 0, 0];
@@ -66,12 +67,14 @@ export class Stage {
   /** Draws in the next frame, fast rather than sharp, and sharply when nothing has moved for a while. */
   moved(): void {
     this.#moving = true;
-    clearTimeout(this.#rest);
-    this.#rest = window.setTimeout(() => {
-      this.#moving = false;
-      this.invalidate();
-    }, REST_MS);
+    this.#restSoon();
     this.invalidate();
+  }
+
+  /** While it is held, the view is not at rest, however still the hand is. */
+  hold(on: boolean): void {
+    this.#held = on;
+    if (this.#moving) this.#restSoon();
   }
 
   readonly drawNow = (): void => {
@@ -110,6 +113,15 @@ export class Stage {
     this.#renderer.dispose();
     this.#renderer.forceContextLoss();
     this.canvas.remove();
+  }
+
+  #restSoon(): void {
+    clearTimeout(this.#rest);
+    if (this.#held) return;
+    this.#rest = window.setTimeout(() => {
+      this.#moving = false;
+      this.invalidate();
+    }, REST_MS);
   }
 
   /** Pixels of the canvas per CSS pixel. */

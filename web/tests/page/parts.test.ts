@@ -115,5 +115,5 @@ test("the curl lines hold the parameters, and a place for the token, never the t
 
 test("sizes and times are told in units for people", () => {
   expect([0, 999, 1000, 12_345_678].map(bytes)).toEqual(["0 B", "999 B", "1.0 kB", "12.3 MB"]);
-  expect([0.31, 59, 3600, 604_800].map(duration)).toEqual(["0.3 s", "59 s", "60 min", "7 days"]);
+  expect([0.031, 1.25, 59, 3600, 604_800].map(duration)).toEqual(["31 ms", "1.3 s", "59 s", "60 min", "7 days"]);
 });
