@@ -33,7 +33,9 @@ addEventListener("hashchange", () => {
 
 /** Brings into view what the address names, which on a phone is below the jobs, and leads screen readers to it. */
 export function showMain(): void {
-  document.getElementById("main")?.focus();
+  const main = document.getElementById("main");
+  main?.focus({ preventScroll: true });
+  if (main && main.getBoundingClientRect().top > innerHeight / 2) main.scrollIntoView();
 }
 
 export function go(to: Route): void {

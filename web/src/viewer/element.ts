@@ -85,7 +85,7 @@ export class MedialViewer extends HTMLElement {
     this.#viewer.quantity = quantity;
   }
 
-  /** The ends of the colour scale; null: round numbers round those of the structures that are shown. */
+  /** The ends of the colour scale; null: round numbers round the values of the structures that are shown. */
   get range(): Range | null {
     return this.#viewer.range;
   }

@@ -68,9 +68,10 @@ export class Interaction {
 
   mark(node: NodeRef | null): void {
     const { result, surroundings } = this.#scene;
-    if (!result) return;
+    // A page that passes on what it hears marks the node that is pointed at: its reading stays.
+    if (!result || !this.#attention.hover(result, node)) return;
     surroundings.tooltip.hide();
-    if (this.#attention.hover(result, node)) this.drawMarks();
+    this.drawMarks();
   }
 
   pick(node: NodeRef): void {

@@ -24,7 +24,7 @@ export class Pointer {
     this.#actions = actions;
     const { signal } = this.#listeners;
     stage.addEventListener("pointermove", (event) => this.#move(event), { signal });
-    stage.addEventListener("pointerleave", () => this.#hoverSoon(null), { signal });
+    stage.addEventListener("pointerleave", (event) => this.#leave(event), { signal });
     stage.addEventListener("pointerdown", (event) => this.#press(event), { signal });
     stage.addEventListener("pointerup", (event) => this.#release(event), { signal });
     stage.addEventListener("pointercancel", () => this.#forget(), { signal });
@@ -43,6 +43,11 @@ export class Pointer {
 
   #move(event: PointerEvent): void {
     if (event.buttons === 0 && event.pointerType !== "touch") this.#hoverSoon(this.#place(event));
+  }
+
+  /** A finger leaves whenever it is lifted: what it has tapped stays to be read. */
+  #leave(event: PointerEvent): void {
+    if (event.pointerType !== "touch") this.#hoverSoon(null);
   }
 
   #hoverSoon(at: ScreenPoint | null): void {

@@ -38,6 +38,9 @@ export class Surroundings {
     this.#live.setAttribute("aria-live", "polite");
     this.#message.setAttribute("role", "status");
     this.#hint.hidden = true;
+    this.stage.addEventListener("focus", () => {
+      this.#hint.hidden = true;
+    });
     this.gizmo.element.hidden = true;
     this.say(null);
     this.element.append(

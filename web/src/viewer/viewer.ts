@@ -113,7 +113,6 @@ export class Viewer {
     this.#camera = null;
     this.#model = null;
     this.#result = null;
-    this.#ownRange = null;
     this.interaction.forget();
     this.surroundings.legend.element.hidden = true;
     this.surroundings.gizmo.element.hidden = true;

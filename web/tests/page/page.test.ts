@@ -175,6 +175,8 @@ test("a node that is pointed at tells its thickness, in both views", async () =>
   );
   const tooltip = page.locator("medial-viewer .tooltip");
   await expect.poll(() => tooltip.textContent()).toContain("(2, 3)");
+  await settled(page);
+  expect(await tooltip.isVisible()).toBe(true);
   for (const text of texts) expect(await tooltip.textContent()).toContain(text);
   const reading = page.locator(".reading");
   await expect.poll(() => reading.textContent()).toContain("Node (2, 3)");
