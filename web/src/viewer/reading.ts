@@ -16,7 +16,7 @@ export function readingOf(node: NodeInfo): [string, string][] {
   if (node.difference !== null) {
     rows.push(["Difference", `${node.difference > 0 ? "+" : ""}${millimetres(node.difference)}`]);
   }
-  rows.push(["Position", `${node.position.map((x) => x.toFixed(1)).join(", ")} mm`]);
+  rows.push(["Position", `${node.position.map((x) => x.toFixed(1).replace("-0.0", "0.0")).join(", ")} mm`]);
   return rows;
 }
 
