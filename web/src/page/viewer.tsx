@@ -1,4 +1,4 @@
-import { useSignalEffect } from "@preact/signals";
+import { useSignal, useSignalEffect } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import type { NodeInfo } from "../model/node-info";
 import { type CameraState, MedialViewer } from "../viewer";
@@ -17,19 +17,27 @@ export function Viewer({ glb, view, label, onCamera }: Props) {
   const element = useRef<MedialViewer | null>(null);
   element.current ??= new MedialViewer();
   const viewer = element.current;
+  const isLoaded = useSignal(false);
   useEffect(() => {
+    let isGone = false;
+    isLoaded.value = false;
     holder.current?.append(viewer);
-    // What cannot be shown is told by the element itself.
     viewer.load(glb, view.numbers).then(
       () => {
+        if (isGone) return;
+        viewer.difference = view.difference;
+        isLoaded.value = true;
         viewer.dataset.state = "ready";
       },
+      // What cannot be shown is told by the element itself.
       () => {},
     );
-    viewer.difference = view.difference;
     view.viewer.value = viewer;
-    return () => viewer.remove();
-  }, [glb, view]);
+    return () => {
+      isGone = true;
+      viewer.remove();
+    };
+  }, [glb, view, viewer, isLoaded]);
   useEffect(() => {
     const listening = new AbortController();
     const on = <T,>(type: string, heard: (detail: T) => void) =>
@@ -53,6 +61,8 @@ export function Viewer({ glb, view, label, onCamera }: Props) {
     for (const [layer] of LAYERS) viewer.setLayer(layer, view.style.layers.value.has(layer));
   });
   useSignalEffect(() => {
+    // A new model begins with everything shown.
+    if (!isLoaded.value) return;
     const hidden = view.style.hidden.value;
     for (const { index, figures } of view.result.structures) {
       viewer.setStructure(index, !hidden.has(`${index}`));

@@ -6,6 +6,7 @@ import type { CameraState, Side } from "./camera";
 import type { ViewerEvents } from "./events";
 import { fetchModel } from "./fetch-model";
 import type { ScreenPoint } from "./picking";
+import { readGlb } from "./read-glb";
 import { DEFAULT_LAYERS, isLayer } from "./shown";
 import { styles } from "./styles";
 import { Viewer } from "./viewer";
@@ -24,6 +25,8 @@ export class MedialViewer extends HTMLElement {
   #fetching: AbortController | null = null;
   /** What is wanted from `src` has not been fetched yet. */
   #pending = false;
+  /** Models that were asked for. */
+  #openings = 0;
 
   constructor() {
     super();
@@ -58,12 +61,7 @@ export class MedialViewer extends HTMLElement {
   async load(glb: ArrayBuffer, numbers?: Thickness): Promise<void> {
     this.#fetching?.abort();
     this.#pending = false;
-    try {
-      this.#viewer.open(glb, numbers);
-    } catch (error) {
-      this.#fail(error);
-      throw error;
-    }
+    await this.#open(glb, numbers);
   }
 
   /** What is known of the nodes; null without a model. */
@@ -194,9 +192,23 @@ export class MedialViewer extends HTMLElement {
       );
       if (signal.aborted) return;
       this.#pending = false;
-      this.#viewer.open(glb, numbers);
+      await this.#open(glb, numbers);
     } catch (error) {
-      if (!signal.aborted) this.#fail(error);
+      // What could be fetched and is no model has been told of.
+      if (!signal.aborted && this.#pending) this.#fail(error);
+    }
+  }
+
+  /** Shows a model, unless another one was opened meanwhile. */
+  async #open(glb: ArrayBuffer, numbers?: Thickness): Promise<void> {
+    const own = ++this.#openings;
+    try {
+      const model = await readGlb(glb);
+      if (own === this.#openings) this.#viewer.open(model, numbers);
+    } catch (error) {
+      if (own !== this.#openings) return;
+      this.#fail(error);
+      throw error;
     }
   }
 

@@ -1,4 +1,4 @@
-import { type GlbModel, parseGlb } from "../model/glb";
+import type { GlbModel } from "../model/glb";
 import { fromGlb } from "../model/glb-result";
 import { type Quantity, type Range, rangeOf } from "../model/quantity";
 import { type FigureValues, figureOf, fromThickness, type Result, withDifference } from "../model/result";
@@ -90,9 +90,8 @@ export class Viewer {
   }
 
   /** Shows another model. Throws an Error with a sentence for people. */
-  open(glb: ArrayBuffer, numbers: Thickness | undefined): void {
+  open(model: GlbModel, numbers: Thickness | undefined): void {
     if (this.#unable) throw new Error(UNABLE);
-    const model = parseGlb(glb);
     const result = numbers ? fromThickness(numbers) : fromGlb(model);
     for (const { structure, figure } of model.meshes) {
       if (figure !== null && !figureOf(result, structure, figure)) {
