@@ -15,9 +15,14 @@ const VIRIDIS: [[f64; 3]; 11] = [
     [253.0, 231.0, 37.0],
 ];
 
-/// The colour at a share from 0 to 1, sRGB 0–1; outside it is that of the nearer end.
+/// The colour at a share from 0 to 1, in the linear light that glTF vertex colours are in; outside it is that of the
+/// nearer end.
 #[must_use]
-pub fn viridis_srgb(share: f64) -> [f64; 3] {
+pub fn viridis_linear(share: f64) -> [f64; 3] {
+    viridis_srgb(share).map(linear)
+}
+
+fn viridis_srgb(share: f64) -> [f64; 3] {
     let at = share.clamp(0.0, 1.0) * 10.0;
     let Some(step) = (0..10_u8).rev().find(|step| f64::from(*step) <= at) else {
         // NaN: no colour of the map, so that it is seen.
@@ -26,12 +31,6 @@ pub fn viridis_srgb(share: f64) -> [f64; 3] {
     let (low, high) = (VIRIDIS[usize::from(step)], VIRIDIS[usize::from(step) + 1]);
     let between = at - f64::from(step);
     std::array::from_fn(|n| (low[n] + (high[n] - low[n]) * between) / 255.0)
-}
-
-/// The same in the linear light that glTF vertex colours are in.
-#[must_use]
-pub fn viridis_linear(share: f64) -> [f64; 3] {
-    viridis_srgb(share).map(linear)
 }
 
 /// The sRGB transfer function (IEC 61966-2-1).

@@ -25,7 +25,7 @@ pub mod glb;
 
 mod gltf_build;
 
-pub mod colors;
+mod colors;
 
 mod mesh_parts;
 

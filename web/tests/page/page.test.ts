@@ -278,6 +278,29 @@ test("what is refused is told in the service's words", async () => {
   expect(await page.locator(".job-view .problem").textContent()).toMatch(/ball of radius .*shape_is_a_ball/s);
 });
 
+test("masks dropped on the page are sent, one job each", async () => {
+  const page = await newPage();
+  await page.goto(service.url);
+  await page.getByText("Choose a mask").waitFor();
+  const before = await page.locator(".job").count();
+  const masks = ["bump", "thin"].map((name) => [
+    `${name}.nii.gz`,
+    readFileSync(sampleFile(files, name)).toString("base64"),
+  ]);
+  await page.evaluate((masks) => {
+    const held = new DataTransfer();
+    for (const [name = "", base64 = ""] of masks) {
+      held.items.add(new File([Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0))], name));
+    }
+    for (const type of ["dragover", "drop"]) {
+      document.body.dispatchEvent(new DragEvent(type, { dataTransfer: held, bubbles: true, cancelable: true }));
+    }
+  }, masks);
+  await page.locator(".job[data-state=succeeded]", { hasText: "bump.nii.gz" }).waitFor();
+  await page.locator(".job[data-state=failed]", { hasText: "thin.nii.gz" }).waitFor();
+  expect(await page.locator(".job").count()).toBe(before + 2);
+});
+
 test("a parameter that is out of range is told before anything is sent", async () => {
   const page = await newPage();
   await page.goto(service.url);
