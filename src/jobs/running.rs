@@ -23,6 +23,26 @@ pub struct Progress {
     pub fraction: f64,
 }
 
+/// What the run has told of itself.
+#[derive(Debug, Default)]
+struct Told {
+    last: Progress,
+    /// Share of each structure that is done. Several are worked on side by side.
+    done: Vec<f64>,
+}
+
+impl Told {
+    #[expect(clippy::cast_precision_loss, reason = "a few stages of a few structures")]
+    fn tell(&mut self, structure: usize, structures: usize, stage: Stage, fraction: f64) {
+        self.done.resize(structures.max(structure + 1), 0.0);
+        let stages_done = Stage::ALL.iter().take_while(|s| **s < stage).count() as f64 + fraction.clamp(0.0, 1.0);
+        // A structure whose sheets are cut goes through some stages again: what was done stays done.
+        self.done[structure] = self.done[structure].max(stages_done / Stage::ALL.len() as f64);
+        let fraction = self.done.iter().sum::<f64>() / self.done.len() as f64;
+        self.last = Progress { stage: Some(stage), structures, structure, fraction };
+    }
+}
+
 /// A run under way.
 #[derive(Debug)]
 pub(super) struct Running {
@@ -32,7 +52,7 @@ pub(super) struct Running {
     deadline: Instant,
     /// Whether that is why it was stopped.
     is_late: AtomicBool,
-    progress: Mutex<Progress>,
+    progress: Mutex<Told>,
     changes: Arc<Changes>,
     /// Cancelled once the run has let go of its files.
     pub(super) ended: CancellationToken,
@@ -70,22 +90,39 @@ impl Running {
     }
 
     pub(super) fn progress(&self) -> Progress {
-        *self.progress.lock().unwrap_or_else(PoisonError::into_inner)
+        self.progress.lock().unwrap_or_else(PoisonError::into_inner).last
     }
 }
 
 impl Observer for Running {
-    #[expect(clippy::cast_precision_loss, reason = "a few stages of a few structures")]
     fn progress(&self, structure: usize, structures: usize, stage: Stage, fraction: f64) {
-        let stages_done = Stage::ALL.iter().take_while(|s| **s < stage).count() as f64 + fraction.clamp(0.0, 1.0);
-        let structures_done = structure as f64 + stages_done / Stage::ALL.len() as f64;
-        let fraction = structures_done / structures.max(1) as f64;
-        *self.progress.lock().unwrap_or_else(PoisonError::into_inner) =
-            Progress { stage: Some(stage), structures, structure, fraction };
+        self.progress.lock().unwrap_or_else(PoisonError::into_inner).tell(structure, structures, stage, fraction);
         self.changes.step(self.lease.id);
     }
 
     fn is_cancelled(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn structures_side_by_side_never_take_progress_back() {
+        let mut told = Told::default();
+        let mut before = 0.0;
+        let news = [(2, Stage::Quality, 0.5), (0, Stage::Mask, 0.1), (1, Stage::Isomap, 1.0), (1, Stage::Lattice, 0.2)];
+        for (structure, stage, fraction) in news.into_iter().chain([(1, Stage::Isomap, 0.5), (2, Stage::Quality, 1.0)]) {
+            told.tell(structure, 3, stage, fraction);
+            assert!(told.last.fraction >= before, "{structure} {stage:?} {fraction}");
+            assert_eq!((told.last.structure, told.last.stage), (structure, Some(stage)));
+            before = told.last.fraction;
+        }
+        for structure in 0..3 {
+            told.tell(structure, 3, Stage::Quality, 1.0);
+        }
+        assert!((told.last.fraction - 1.0).abs() < 1e-12);
     }
 }

@@ -129,6 +129,7 @@ async fn events_tell_every_state_and_what_was_missed() {
     gate.store(true, Ordering::Relaxed);
     let answer = following.await.unwrap();
     assert_eq!(answer.header("content-type"), "text/event-stream");
+    assert_eq!(answer.header("x-accel-buffering"), "no");
     let events = told(&answer.text());
     let states: Vec<_> = events.iter().filter(|event| event.starts_with("state")).collect();
     for (number, (event, state)) in states.iter().zip(["queued", "running", "succeeded"]).enumerate() {

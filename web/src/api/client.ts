@@ -16,8 +16,8 @@ export type Sample = SampleList["samples"][number];
 
 /** The token, in memory only: it is gone when the page is. */
 export const token = signal<string | null>(null);
-/** Why the service asks for a token; null when it does not. */
-export const tokenWanted = signal<Problem | null>(null);
+/** Why a token is asked for: the service refused the request, or the user wants another one. Null when it is not. */
+export const tokenWanted = signal<Problem | "by hand" | null>(null);
 
 /** What the service refused, in its own words. */
 export class Refused extends Error {
@@ -32,7 +32,8 @@ export function strange(title: string, detail: string, status = 0): Problem {
 }
 
 export function headers(more: Record<string, string> = {}): Record<string, string> {
-  return token.value === null ? more : { ...more, Authorization: `Bearer ${token.value}` };
+  const shown = token.peek();
+  return shown === null ? more : { ...more, Authorization: `Bearer ${shown}` };
 }
 
 /** @throws Refused when the service is not reached or answers with a problem. */
@@ -44,12 +45,14 @@ export async function call(path: string, init: RequestInit & { headers?: Record<
     if (init.signal?.aborted) throw error;
     throw new Refused(strange("The service cannot be reached", "No answer came. Is it running, and the network up?"));
   }
-  if (!response.ok) throw new Refused(noteRefusal(await problemOf(response)));
+  if (!response.ok) throw new Refused(noteRefusal(readProblem(response.status, await response.text().catch(() => ""))));
   return response;
 }
 
-async function problemOf(response: Response): Promise<Problem> {
-  return readProblem(response.status, await response.text().catch(() => ""));
+/** What an error is to people. */
+export function problemOf(error: unknown): Problem {
+  if (error instanceof Refused) return error.problem;
+  return strange("This page did not expect that", error instanceof Error ? error.message : String(error));
 }
 
 /** The problem in an answer; one of our own when something between here and the service answered. */
@@ -70,7 +73,10 @@ export function noteRefusal(problem: Problem): Problem {
 }
 
 async function json<T>(path: string, init: Parameters<typeof call>[1] = {}): Promise<T> {
-  return (await call(path, init)).json();
+  const response = await call(path, init);
+  return response.json().catch(() => {
+    throw new Refused(readProblem(response.status, ""));
+  });
 }
 
 export const fetchLimits = () => json<Limits>("/v1/limits");
@@ -93,31 +99,30 @@ export interface Submission {
   anew: boolean;
 }
 
-export function submissionQuery({ params, labels }: Pick<Submission, "params" | "labels">): string {
-  const query = new URLSearchParams();
-  if (Object.keys(params).length > 0) query.set("params", JSON.stringify(params));
-  if (Object.keys(labels).length > 0) query.set("labels", JSON.stringify(labels));
-  return query.size > 0 ? `?${query}` : "";
-}
-
-/** Sends a mask; `onSent` hears the share that has been sent. By XMLHttpRequest: fetch does not tell of that. */
-export function submit(submission: Submission, onSent: (share: number) => void): Promise<Job> {
+/**
+ * Sends a mask as a form: what people type does not get into addresses, which are logged. `onSent` hears the share
+ * that has been sent; fetch would not tell.
+ */
+export function submit({ mask, params, labels, anew }: Submission, onSent: (share: number) => void): Promise<Job> {
   const request = new XMLHttpRequest();
-  request.open("POST", `/v1/jobs${submissionQuery(submission)}`);
-  const more: Record<string, string> = submission.anew ? { "Cache-Control": "no-cache" } : {};
-  for (const [name, value] of Object.entries(headers(more))) request.setRequestHeader(name, value);
-  // Keeps browsers from making up a media type from the file's name.
-  request.setRequestHeader("Content-Type", "application/octet-stream");
+  request.open("POST", "/v1/jobs");
+  for (const [name, value] of Object.entries(headers(anew ? { "Cache-Control": "no-cache" } : {}))) {
+    request.setRequestHeader(name, value);
+  }
   request.upload.onprogress = (event) => onSent(event.total > 0 ? event.loaded / event.total : 0);
+  const form = new FormData();
+  form.append("params", JSON.stringify(params));
+  form.append("labels", JSON.stringify(labels));
+  // Under this name instead of the file's own.
+  form.append("mask", mask, "mask");
   return new Promise((resolve, reject) => {
-    const refuse = (problem: Problem) => reject(new Refused(problem));
     request.onload = () => {
-      if (request.status < 300) resolve(JSON.parse(request.responseText));
-      else refuse(noteRefusal(readProblem(request.status, request.responseText)));
+      if (request.status === 202) resolve(JSON.parse(request.responseText));
+      else reject(new Refused(noteRefusal(readProblem(request.status, request.responseText))));
     };
     request.onerror = () =>
-      refuse(strange("The mask could not be sent", "The connection ended before there was an answer."));
-    request.send(submission.mask);
+      reject(new Refused(strange("The mask could not be sent", "The connection ended before there was an answer.")));
+    request.send(form);
   });
 }
 

@@ -3,86 +3,127 @@
 import { EventSourceParserStream } from "eventsource-parser/stream";
 import { call, fetchJob, type Job, type Progress, Refused } from "./client";
 
-export interface Listener {
+interface Listener {
   onJob(job: Job): void;
   onProgress(progress: Progress): void;
   /** It was deleted. */
   onGone(): void;
 }
 
-/** How often a stream may fail without an event before the job is asked for instead. */
+/** How often in a row a stream may end without an event before the job is asked for instead. */
 const TRIES = 2;
+/** How often it is asked for before a stream is tried again. */
+const POLLS = 10;
 const PAUSE_MS = 1000;
+/** The first event comes at once: a stream that is silent for so long is kept back by a proxy. */
+const SILENCE_MS = 5000;
 
 export function hasEnded(job: Job): boolean {
   return job.state !== "queued" && job.state !== "running";
 }
 
-/** Returns when the job has ended, is gone, or `signal` is aborted. */
+/** Returns when the job has ended, is gone, may not be seen, or `signal` is aborted. */
 export async function follow(id: string, listener: Listener, signal: AbortSignal): Promise<void> {
-  let failures = 0;
-  let lastId = "";
+  let [failures, polls, lastId] = [0, 0, ""];
   while (!signal.aborted) {
     try {
-      if (failures < TRIES) {
-        const heard = await listen(id, lastId, listener, signal);
-        if (heard === "end") return;
-        failures = heard === lastId ? failures + 1 : 0;
-        lastId = heard;
-      } else {
+      if (polls > 0) {
+        polls--;
+        if (polls === 0) failures = TRIES - 1;
         const job = await fetchJob(id, signal);
         listener.onJob(job);
         if (hasEnded(job)) return;
+      } else {
+        const heard = await listen(id, lastId, listener, signal);
+        if (heard.isOver) return;
+        lastId = heard.lastId;
+        failures = heard.events > 0 ? 0 : failures + 1;
       }
     } catch (error) {
       if (signal.aborted) return;
       if (error instanceof Refused && error.problem.status === 404) return listener.onGone();
-      // Without a token, or without being allowed to, asking again does not help.
+      // Without being allowed to, asking again does not help.
       if (error instanceof Refused && [401, 403].includes(error.problem.status)) return;
-      failures += 1;
+      failures++;
     }
+    if (polls === 0 && failures >= TRIES) polls = POLLS;
     await pause(signal);
   }
 }
 
-/** Listens to one stream; the id of its last event, or "end" when there is no more to hear. */
-async function listen(id: string, lastId: string, listener: Listener, signal: AbortSignal): Promise<string> {
-  const headers = { Accept: "text/event-stream", ...(lastId === "" ? {} : { "Last-Event-ID": lastId }) };
-  const response = await call(`/v1/jobs/${id}/events`, { headers, signal, cache: "no-store" });
-  if (response.status === 204 || response.body === null) {
-    listener.onJob(await fetchJob(id, signal));
-    return "end";
-  }
-  const events = response.body
-    .pipeThrough(new TextDecoderStream() as ReadableWritablePair<string, Uint8Array<ArrayBuffer>>)
-    .pipeThrough(new EventSourceParserStream())
-    .getReader();
-  for (;;) {
-    const { done, value: event } = await events.read();
-    if (done) return lastId;
-    if (event.event === "progress") listener.onProgress(JSON.parse(event.data));
-    if (event.event === "gone") {
-      listener.onGone();
-      return "end";
+interface Heard {
+  lastId: string;
+  events: number;
+  /** There is no more to hear. */
+  isOver: boolean;
+}
+
+/** Listens to one stream until it ends. */
+async function listen(id: string, lastId: string, listener: Listener, signal: AbortSignal): Promise<Heard> {
+  const stream = new AbortController();
+  // One that comes back may have nothing to hear for long.
+  const silence = lastId === "" ? setTimeout(() => stream.abort(), SILENCE_MS) : undefined;
+  const heard: Heard = { lastId, events: 0, isOver: false };
+  try {
+    const headers = { Accept: "text/event-stream", ...(lastId === "" ? {} : { "Last-Event-ID": lastId }) };
+    const either = AbortSignal.any([signal, stream.signal]);
+    const response = await call(`/v1/jobs/${id}/events`, { headers, signal: either, cache: "no-store" });
+    if (response.status === 204 || response.body === null) {
+      listener.onJob(await fetchJob(id, signal));
+      return { ...heard, isOver: true };
     }
-    if (event.event === "state") {
-      lastId = event.id ?? lastId;
+    const events = response.body
+      .pipeThrough(new TextDecoderStream() as ReadableWritablePair<string, Uint8Array<ArrayBuffer>>)
+      .pipeThrough(new EventSourceParserStream())
+      .getReader();
+    while (!heard.isOver) {
+      const { done, value: event } = await events.read();
+      if (done) break;
+      clearTimeout(silence);
+      heard.events++;
+      heard.lastId = event.id ?? heard.lastId;
+      heard.isOver = await pass(event, id, listener, signal);
+    }
+    return heard;
+  } finally {
+    // Also closes a stream that is left before its end.
+    clearTimeout(silence);
+    stream.abort();
+  }
+}
+
+/** Passes an event on; whether it is the last one. */
+async function pass(
+  event: { event?: string | undefined; data: string },
+  id: string,
+  listener: Listener,
+  signal: AbortSignal,
+) {
+  switch (event.event) {
+    case "progress":
+      listener.onProgress(JSON.parse(event.data));
+      return false;
+    case "gone":
+      listener.onGone();
+      return true;
+    case "state": {
       const job = await fetchJob(id, signal);
       listener.onJob(job);
-      if (hasEnded(job)) {
-        await events.cancel();
-        return "end";
-      }
+      return hasEnded(job);
     }
+    default:
+      return false;
   }
 }
 
 function pause(signal: AbortSignal): Promise<void> {
   return new Promise((resolve) => {
-    const timer = setTimeout(resolve, PAUSE_MS);
-    signal.addEventListener("abort", () => {
+    const end = () => {
       clearTimeout(timer);
+      signal.removeEventListener("abort", end);
       resolve();
-    });
+    };
+    const timer = setTimeout(end, PAUSE_MS);
+    signal.addEventListener("abort", end);
   });
 }

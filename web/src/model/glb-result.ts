@@ -33,6 +33,7 @@ function figureFrom(model: GlbModel, structure: GlbStructure, n: number, order: 
     lower_mm: thicknessOf(lower, count),
     total_mm: thicknessOf(medial, count),
     radius_mm: null,
+    sd_mm: null,
     distortion: null,
     intrinsic: null,
     difference: null,

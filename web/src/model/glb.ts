@@ -3,6 +3,8 @@ import type { Point } from "./thickness";
 /** What of model.glb is drawn, by the `kind` of its meshes. */
 export const LAYERS = ["object", "medial", "upper", "lower", "crest", "vectors", "closed"] as const;
 export type Layer = (typeof LAYERS)[number];
+/** What is shown unless something else is asked for. */
+export const DEFAULT_LAYERS: readonly Layer[] = ["object", "medial", "upper", "lower", "vectors"];
 
 export interface GlbModel {
   structures: GlbStructure[];

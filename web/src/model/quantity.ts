@@ -1,9 +1,9 @@
 import { figuresOf, type Result, type ResultFigure } from "./result";
 import { niceRange } from "./scale";
-import type { Numbers, Surface } from "./thickness";
+import { type Numbers, SURFACES, type Surface } from "./thickness";
 
 /** What the nodes are coloured by. */
-export type Quantity = "total" | "each" | "radius" | "side" | "figure" | "distortion" | "difference";
+export type Quantity = "total" | "each" | "radius" | "side" | "figure" | "distortion" | "uncertainty" | "difference";
 
 export type Kind = "sequential" | "diverging" | "categorical";
 
@@ -24,11 +24,9 @@ export const QUANTITIES: Readonly<Record<Quantity, QuantityInfo>> = {
   side: { label: "Surface", unit: null, kind: "categorical" },
   figure: { label: "Figure", unit: null, kind: "categorical" },
   distortion: { label: "Area distortion (natural log)", unit: null, kind: "diverging" },
+  uncertainty: { label: "Standard deviation of thickness", unit: "mm", kind: "sequential" },
   difference: { label: "Difference of thickness", unit: "mm", kind: "diverging" },
 };
-
-/** The values of quantity `side`. */
-export const SIDES: readonly Surface[] = ["medial", "upper", "lower"];
 
 export function isQuantity(name: unknown): name is Quantity {
   return typeof name === "string" && Object.hasOwn(QUANTITIES, name);
@@ -56,11 +54,13 @@ export function valuesOf(figure: ResultFigure, quantity: Quantity, surface: Surf
     case "radius":
       return figure.radius_mm ?? unknown(figure);
     case "side":
-      return new Array<number>(figure.rows * figure.cols).fill(SIDES.indexOf(surface));
+      return new Array<number>(figure.rows * figure.cols).fill(SURFACES.indexOf(surface));
     case "figure":
       return new Array<number>(figure.rows * figure.cols).fill(figure.order);
     case "distortion":
       return figure.distortion ?? unknown(figure);
+    case "uncertainty":
+      return figure.sd_mm ?? unknown(figure);
     case "difference":
       return figure.difference ?? unknown(figure);
   }
@@ -74,7 +74,7 @@ export function rangeOf(result: Result, quantity: Quantity, visible: ReadonlySet
   const { kind } = QUANTITIES[quantity];
   const figures = figuresOf(result);
   if (kind === "categorical") {
-    return [0, (quantity === "side" ? SIDES.length : Math.max(1, figures.length)) - 1];
+    return [0, (quantity === "side" ? SURFACES.length : Math.max(1, figures.length)) - 1];
   }
   const surfaces: Surface[] = quantity === "each" ? ["upper", "lower"] : ["medial"];
   let [low, high] = [Number.POSITIVE_INFINITY, Number.NEGATIVE_INFINITY];

@@ -1,4 +1,4 @@
-import type { Flat, Numbers, Point, Thickness } from "./thickness";
+import type { Flat, Numbers, Point, Surface, Thickness } from "./thickness";
 
 /** A node of a lattice. `structure` and `figure` are the `index` of thickness.json, `i` the row, `j` the column. */
 export interface NodeRef {
@@ -36,10 +36,12 @@ export interface ResultFigure {
   lower_mm: Numbers;
   total_mm: Numbers;
   radius_mm: Numbers | null;
+  /** Standard deviation of the total thickness. */
+  sd_mm: Numbers | null;
   /** Logarithm of the share of the area in space over that in the intrinsic plane. */
   distortion: Numbers | null;
-  /** Place of the medial node in the intrinsic plane, mm. */
-  intrinsic: (Flat | null)[] | null;
+  /** Places in the intrinsic plane of each surface, mm. */
+  intrinsic: Record<Surface, (Flat | null)[]> | null;
   /** Thickness minus that of another result, mm; handed in. */
   difference: Numbers | null;
 }
@@ -62,6 +64,7 @@ export function fromThickness(json: Thickness): Result {
       const valid = <T>(list: readonly T[]): (T | null)[] =>
         list.map((value, node) => (figure.valid[node] ? value : null));
       const points = (list: readonly Point[]) => valid(list).map((p) => (isFinitePoint(p) ? p : null));
+      const flats = (list: readonly (Flat | null)[]) => valid(list).map((p) => (isFinitePoint(p) ? p : null));
       return {
         structure: structure.index,
         index: figure.index,
@@ -75,8 +78,13 @@ export function fromThickness(json: Thickness): Result {
         lower_mm: valid(figure.thickness.lower_mm),
         total_mm: valid(figure.thickness.total_mm),
         radius_mm: valid(figure.medial_radius_mm),
+        sd_mm: figure.uncertainty ? valid(figure.uncertainty.total_mm) : null,
         distortion: figure.area_distortion ? valid(figure.area_distortion) : null,
-        intrinsic: valid(figure.intrinsic.medial).map((p) => (isFinitePoint(p) ? p : null)),
+        intrinsic: {
+          medial: flats(figure.intrinsic.medial),
+          upper: flats(figure.intrinsic.upper),
+          lower: flats(figure.intrinsic.lower),
+        },
         difference: null,
       };
     }),
@@ -103,6 +111,16 @@ export function figuresOf(result: Result): ResultFigure[] {
 export function figureOf(result: Result, structure: number, figure: number): ResultFigure | null {
   const found = result.structures.find((s) => s.index === structure);
   return found?.figures.find((f) => f.index === figure) ?? null;
+}
+
+/** Number of a node in the arrays of its figure. */
+export function indexOf({ cols }: ResultFigure, { i, j }: { i: number; j: number }): number {
+  return i * cols + j;
+}
+
+/** The node of that number. */
+export function refOf({ structure, index, cols }: ResultFigure, node: number): NodeRef {
+  return { structure, figure: index, i: Math.floor(node / cols), j: node % cols };
 }
 
 function isFinitePoint(point: readonly (number | null)[] | null | undefined): boolean {

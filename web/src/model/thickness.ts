@@ -5,13 +5,9 @@ export type Flat = [number, number];
 export type Verdict = "pass" | "warn" | "fail";
 
 export interface Thickness {
-  schema: string;
-  program: { name: string; version: string };
-  input: { format: string; dims: Point; spacing_mm: Point };
-  params: { grid: Grid | "auto"; correspondence: string; lattice: string };
   structures: Structure[];
+  /** About the file. */
   warnings: Message[];
-  timings_ms: Record<string, number>;
 }
 
 export interface Grid {
@@ -19,7 +15,7 @@ export interface Grid {
   cols: number;
 }
 
-export interface Message {
+interface Message {
   code: string;
   message: string;
 }
@@ -27,8 +23,6 @@ export interface Message {
 export interface Structure {
   index: number;
   label: number;
-  voxels: number;
-  volume_mm3: number;
   /** Why it has no medial representation. */
   refusal?: Message & { hint?: string };
   figures: Figure[];
@@ -48,15 +42,16 @@ export interface Figure {
   thickness: { upper_mm: Numbers; lower_mm: Numbers; total_mm: Numbers };
   medial_radius_mm: Numbers;
   /** Per node: logarithm of (share of the area in space) / (share in the intrinsic plane). */
-  area_distortion: Numbers;
+  area_distortion?: Numbers;
+  /** Standard deviations over repeats, where they were asked for. */
+  uncertainty?: { total_mm: Numbers };
   intrinsic: Record<Surface, (Flat | null)[]>;
-  thickness_summary: Summary;
-  quality: Quality;
 }
 
 export type Numbers = (number | null)[];
 
-export type Surface = "medial" | "upper" | "lower";
+export const SURFACES = ["medial", "upper", "lower"] as const;
+export type Surface = (typeof SURFACES)[number];
 
 /** Weighted by the area of the medial lattice round each node. */
 export interface Summary {
@@ -74,13 +69,7 @@ export interface Spread {
   p95: number | null;
 }
 
-export interface Quality {
+interface Quality {
   verdict?: Verdict;
-  reasons?: (Message & { value: number | null; threshold: number })[];
-  thresholds?: Record<
-    string,
-    { value: number | null; bad: "above" | "below"; warn: number | null; fail: number | null }
-  >;
-  folds: number;
-  dice: number;
+  reasons?: Message[];
 }

@@ -1,15 +1,16 @@
-import { effect } from "@preact/signals";
+import { effect, untracked } from "@preact/signals";
 import { render } from "preact";
-import { type Problem, Refused, token, tokenWanted } from "../api/client";
+import { token, tokenWanted } from "../api/client";
 import { CompareView } from "./compare-view";
 import { JobList } from "./job-list";
 import { JobView } from "./job-view";
-import { actProblem, jobs, keepUpToDate } from "./jobs";
+import { actProblem, jobOf, jobs, keepUpToDate } from "./jobs";
 import { ProblemNote } from "./problem";
-import { route, showMain } from "./route";
-import { askForLimits, askForSamples } from "./send";
+import { type Route, route, showMain } from "./route";
+import { askWhatIsTaken } from "./send";
 import { SendPanel } from "./send-panel";
 import { TokenDialog } from "./token-dialog";
+import { nameOf } from "./words";
 
 /** Begins the page. */
 export function begin(): void {
@@ -17,18 +18,22 @@ export function begin(): void {
   keepUpToDate();
   effect(() => {
     if (route.value.at !== "start") showMain();
+    actProblem.value = null;
   });
   effect(() => {
-    // What the service takes can be asked without a token, its samples cannot.
+    document.title = titleAt(route.value);
+  });
+  effect(() => {
+    // Samples are not for everybody: with another token they may be.
     token.value;
-    for (const ask of [askForLimits, askForSamples]) ask().catch(tell);
+    void untracked(askWhatIsTaken);
   });
 }
 
-function tell(error: unknown): void {
-  if (!(error instanceof Refused)) throw error;
-  const { problem } = error;
-  if (problem.status !== 401) actProblem.value = { title: "The service could not be asked what it takes", problem };
+/** Names of files are not for the history of the browser. */
+function titleAt(at: Route): string {
+  const job = at.at === "job" ? jobOf(at.id) : undefined;
+  return job === undefined ? "medialrep" : `${nameOf(job)} – medialrep`;
 }
 
 function App() {
@@ -45,33 +50,30 @@ function App() {
         <span class="hint">medial sheets and thickness of what a mask holds</span>
         <nav aria-label="About">
           <a href="/docs">API</a>
-          <button type="button" onClick={() => (tokenWanted.value = NO_PROBLEM)}>
+          <button type="button" onClick={() => (tokenWanted.value = "by hand")}>
             {token.value === null ? "Token …" : "Change token …"}
           </button>
         </nav>
       </header>
+      <main id="main" tabIndex={-1}>
+        {failed && (
+          <div class="refused">
+            <ProblemNote title={failed.title} problem={failed.problem} />
+            <button type="button" onClick={() => (actProblem.value = null)}>
+              Dismiss
+            </button>
+          </div>
+        )}
+        <Shown />
+      </main>
       <aside aria-label="Masks and jobs">
         <SendPanel />
         <JobList />
       </aside>
-      <main id="main" tabIndex={-1}>
-        {failed && <ProblemNote title={failed.title} problem={failed.problem} />}
-        <Shown />
-      </main>
       <TokenDialog />
     </>
   );
 }
-
-/** The dialog opened by hand. */
-const NO_PROBLEM: Problem = {
-  type: "about:blank",
-  code: "token_wanted",
-  title: "Token",
-  detail: "another is wanted",
-  status: 401,
-  retryable: false,
-};
 
 function Shown() {
   const at = route.value;

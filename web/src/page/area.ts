@@ -11,16 +11,15 @@ export function nodeAreas({ rows, cols }: Grid, medial: (Point | null)[]): Float
       const corners = nodes.map((node) => medial[node]);
       const [a, b, c, d] = corners;
       if (!a || !b || !c || !d) continue;
-      const area = triangleArea(a, b, c) + triangleArea(a, c, d);
+      const area = half(minus(c, a), minus(d, b));
       for (const node of nodes) areas[node] = (areas[node] ?? 0) + area / 4;
     }
   }
   return areas;
 }
 
-function triangleArea(a: Point, b: Point, c: Point): number {
-  const u = minus(b, a);
-  const v = minus(c, a);
+/** Half the length of the cross product: the area between the diagonals of a quad. */
+function half(u: Point, v: Point): number {
   return Math.hypot(u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]) / 2;
 }
 

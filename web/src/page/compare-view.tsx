@@ -1,14 +1,13 @@
 import { useMemo } from "preact/hooks";
 import type { Job } from "../api/client";
 import type { Result } from "../model/result";
-import type { CameraState } from "../viewer";
 import { type Difference, difference } from "./difference";
 import { useJob } from "./job-view";
 import { LayerPanel } from "./layer-panel";
 import { ProblemNote } from "./problem";
 import { type Loaded, useResult } from "./result";
 import { href } from "./route";
-import { fileNames } from "./send";
+import { titleOf } from "./send";
 import { StructurePanel } from "./structure-panel";
 import { Style, View } from "./view";
 import { Viewer } from "./viewer";
@@ -17,16 +16,11 @@ import { nameOf, number, plural } from "./words";
 /** Two jobs side by side: one camera, one set of layers, and where they differ. */
 export function CompareView({ ids }: { ids: [string, string] }) {
   const [first, second] = [useSide(ids[0]), useSide(ids[1])];
-  const style = useMemo(() => new Style(), []);
   const [a, b] = [first.loaded, second.loaded];
-  const views = useMemo(() => a && b && viewsOf(a, b, style), [a, b, style]);
+  const views = useMemo(() => a && b && viewsOf(a, b), [a, b]);
   const problem = first.problem ?? second.problem;
   if (problem) return <ProblemNote title="The jobs cannot be compared" problem={problem} />;
   if (!views || !first.job || !second.job) return <p class="hint">Loading both results …</p>;
-  const link = (view: View) => (camera: CameraState) => {
-    const other = view.partner?.viewer.value;
-    if (other) other.camera = camera;
-  };
   const sides = [
     { job: first.job, view: views.first, loaded: a },
     { job: second.job, view: views.second, loaded: b },
@@ -40,14 +34,9 @@ export function CompareView({ ids }: { ids: [string, string] }) {
             loaded && (
               <section key={job.id} aria-label={at === 0 ? "First job" : "Second job"}>
                 <h3>
-                  <a href={href({ at: "job", id: job.id })}>{fileNames.value.get(job.id) ?? nameOf(job)}</a>
+                  <a href={href({ at: "job", id: job.id })}>{titleOf(job)}</a>
                 </h3>
-                <Viewer
-                  glb={loaded.glb}
-                  view={view}
-                  label={`${at === 0 ? "First" : "Second"} job, ${nameOf(job)}`}
-                  onCamera={link(view)}
-                />
+                <Viewer glb={loaded.glb} view={view} label={`${at === 0 ? "First" : "Second"} job, ${nameOf(job)}`} />
               </section>
             ),
         )}
@@ -88,16 +77,18 @@ function unfinished(job: Job | undefined) {
   );
 }
 
-function viewsOf(a: Loaded, b: Loaded, style: Style) {
+function viewsOf(a: Loaded, b: Loaded) {
   const found = difference(a.result, b.result);
+  const style = new Style(found.summary === null ? "total" : "difference");
   const first = new View(a.numbers, a.result, style, found.ofFirst);
   const second = new View(b.numbers, b.result, style, found.ofSecond);
   // One scale for both.
   first.partner = second;
   second.partner = first;
-  if (found.summary !== null) style.colorBy("difference");
   const namesOf = ({ structures }: Result) => structures.map(({ index, label }) => `${index}:${label}`).join();
-  return { first, second, difference: found, haveSameStructures: namesOf(a.result) === namesOf(b.result) };
+  const haveSameStructures = namesOf(a.result) === namesOf(b.result);
+  first.isTwin = second.isTwin = haveSameStructures;
+  return { first, second, difference: found, haveSameStructures };
 }
 
 function DifferenceText({ difference: { summary, left } }: { difference: Difference }) {

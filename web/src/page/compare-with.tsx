@@ -2,13 +2,15 @@ import { useSignal } from "@preact/signals";
 import type { Job } from "../api/client";
 import { jobs } from "./jobs";
 import { href } from "./route";
-import { fileNames } from "./send";
-import { nameOf, time } from "./words";
+import { titleOf } from "./send";
+import { time } from "./words";
 
 /** Chooses a job to see this one beside. */
 export function CompareWith({ job }: { job: Job }) {
   const chosen = useSignal("");
-  const others = jobs.value.filter(({ id, state }) => id !== job.id && state === "succeeded");
+  const others = jobs.value.filter(
+    ({ id, state, results_erased }) => id !== job.id && state === "succeeded" && !results_erased,
+  );
   const other = others.find(({ id }) => id === chosen.value) ?? others[0];
   if (other === undefined) return <p class="hint">There is no other job with a result yet.</p>;
   return (
@@ -22,7 +24,7 @@ export function CompareWith({ job }: { job: Job }) {
       >
         {others.map((job) => (
           <option key={job.id} value={job.id}>
-            {fileNames.value.get(job.id) ?? nameOf(job)}, {time(job.created_at)}
+            {titleOf(job)}, {time(job.created_at)}
           </option>
         ))}
       </select>

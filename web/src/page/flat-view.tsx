@@ -1,26 +1,26 @@
 import { useSignal, useSignalEffect } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { fetchResult, type Job } from "../api/client";
+import { fetchResult, type Job, type Problem, problemOf, token } from "../api/client";
 import { nodeInfo } from "../model/node-info";
 import { valuesOf } from "../model/quantity";
-import type { NodeRef, ResultFigure } from "../model/result";
-import type { Flat, Surface } from "../model/thickness";
+import { indexOf, type NodeRef, type Result, type ResultFigure, refOf } from "../model/result";
+import { SURFACES, type Surface } from "../model/thickness";
 import { type Drawing, draw, drawMarks, frameOf, nodeTree, REACH } from "./flat";
-import { act } from "./jobs";
 import { keyOf, type Points, parsePoints } from "./points";
+import { ProblemNote } from "./problem";
 import type { View } from "./view";
 import { bytes, number } from "./words";
 
 /** Larger files of points are loaded only when asked for. */
 const MAX_POINTS_BYTES = 20e6;
-const SURFACES: Surface[] = ["medial", "upper", "lower"];
 
 /** The lattice and the voxel points of one figure, laid flat. */
 export function FlatView({ job, view }: { job: Job; view: View }) {
   const surface = useSignal<Surface>("medial");
-  const { points, size, loadPoints } = usePoints(job);
+  const isFocused = useSignal(false);
+  const { points, problem, size, isLoading, isWanted } = usePoints(job);
   const figure = view.flat.value;
-  if (figure === null) return <p class="hint">There is no figure to lay flat.</p>;
+  if (figure === null) return <p class="hint">No figure is shown that could be laid flat.</p>;
   return (
     <>
       <div class="row">
@@ -36,34 +36,60 @@ export function FlatView({ job, view }: { job: Job; view: View }) {
             <option key={name}>{name}</option>
           ))}
         </select>
-        {points === null && size > MAX_POINTS_BYTES && (
-          <button type="button" onClick={loadPoints}>
+        {!isLoading && (
+          <button
+            type="button"
+            onClick={() => {
+              isWanted.value = true;
+            }}
+          >
             Load voxel points ({bytes(size)})
           </button>
         )}
       </div>
-      <Plane view={view} surface={surface.value} points={points} />
-      <Reading view={view} />
+      {problem && <ProblemNote title="The voxel points could not be loaded" problem={problem} />}
+      <Plane
+        view={view}
+        surface={surface.value}
+        points={points}
+        onFocus={(is) => {
+          isFocused.value = is;
+        }}
+      />
+      <Reading view={view} isSaid={isFocused.value} />
     </>
   );
 }
 
+/** The voxel points, loaded by themselves unless they are many. */
 function usePoints(job: Job) {
   const points = useSignal<Points | null>(null);
+  const problem = useSignal<Problem | null>(null);
+  const isWanted = useSignal(false);
   const size = job.results.find(({ name }) => name === "points.csv")?.bytes ?? 0;
-  const loadPoints = () =>
-    act("The voxel points could not be loaded", async () => {
-      points.value = parsePoints(await (await fetchResult(job, "points.csv")).text());
-    });
+  const isLoading = isWanted.value || size <= MAX_POINTS_BYTES;
+  const allowed = token.value;
+  // Results never change, but may be refused to a token.
   useEffect(() => {
-    if (size <= MAX_POINTS_BYTES) void loadPoints();
-  }, [job.id]);
-  return { points: points.value, size, loadPoints };
+    if (!isLoading) return;
+    const loading = new AbortController();
+    problem.value = null;
+    fetchResult(job, "points.csv", loading.signal)
+      .then(async (file) => {
+        const csv = await file.text();
+        if (!loading.signal.aborted) points.value = parsePoints(csv);
+      })
+      .catch((error) => {
+        if (!loading.signal.aborted) problem.value = problemOf(error);
+      });
+    return () => loading.abort();
+  }, [job.id, isLoading, allowed]);
+  return { points: points.value, problem: problem.value, size, isLoading, isWanted };
 }
 
 function FigureSelect({ view }: { view: View }) {
   const figure = view.flat.value;
-  const all = view.result.structures.flatMap(({ label, figures }) => figures.map((figure) => ({ label, figure })));
+  const labels = new Map(view.result.structures.map(({ index, label }) => [index, label]));
   return (
     <select
       aria-label="Figure laid flat"
@@ -73,9 +99,9 @@ function FigureSelect({ view }: { view: View }) {
         view.showFlat(structure, index);
       }}
     >
-      {all.map(({ label, figure: { structure, index } }) => (
+      {view.shownFigures.value.map(({ structure, index }) => (
         <option key={`${structure}/${index}`} value={`${structure}/${index}`}>
-          label {label}, figure {index}
+          label {labels.get(structure)}, figure {index}
         </option>
       ))}
     </select>
@@ -86,9 +112,10 @@ interface PlaneProps {
   view: View;
   surface: Surface;
   points: Points | null;
+  onFocus(is: boolean): void;
 }
 
-function Plane({ view, surface, points }: PlaneProps) {
+function Plane({ view, surface, points, onFocus }: PlaneProps) {
   const [base, marks] = [useRef<HTMLCanvasElement>(null), useRef<HTMLCanvasElement>(null)];
   const drawing = useSignal<Drawing | null>(null);
   const size = useSize(base);
@@ -98,12 +125,13 @@ function Plane({ view, surface, points }: PlaneProps) {
   useEffect(() => {
     const context = base.current && sharpContext(base.current);
     if (!context || figure === null) return;
-    const plane = planeOf(view, surface);
+    const plane = figure.intrinsic?.[surface] ?? [];
     const { clientWidth, clientHeight } = context.canvas;
     const frame = frameOf(plane, voxels, clientWidth, clientHeight);
     const values = valuesOf(figure, quantity, surface);
     const ink = getComputedStyle(context.canvas).color;
-    drawing.value = { figure, plane, voxels, values, quantity, range, ink, frame };
+    const nodes = nodeTree(plane);
+    drawing.value = { figure, plane, nodes, voxels, values, quantity, range, ink, frame };
     draw(context, drawing.value);
   }, [view, surface, figure, voxels, quantity, range, size]);
   useSignalEffect(() => {
@@ -115,24 +143,26 @@ function Plane({ view, surface, points }: PlaneProps) {
   const pick = (node: NodeRef | null) => node && view.viewer.value?.pick(node);
   const press = (event: KeyboardEvent) => {
     const next = stepped(view.hovered.value, figure, event.key);
-    if (next === null && event.key !== "Enter") return;
+    if (next !== null) view.point(next);
+    else if (event.key === "Enter") pick(view.hovered.value);
+    else if (event.key === "Escape") view.viewer.value?.clearPicks();
+    else return;
     event.preventDefault();
-    if (next === null) pick(view.hovered.value);
-    else view.hovered.value = next;
   };
   return (
     <div
       class="plane"
       tabIndex={0}
       role="application"
-      aria-label={`Lattice of ${figure.rows} by ${figure.cols} nodes, laid flat. Arrow keys move from node to node, Enter picks one.`}
-      onPointerMove={(event) => {
-        view.hovered.value = nodeAt(event);
+      aria-label={`Lattice of ${figure.rows} by ${figure.cols} nodes, laid flat. Arrow keys move from node to node, Enter picks one, Escape forgets the picks.`}
+      onPointerMove={(event) => view.point(nodeAt(event))}
+      onPointerLeave={(event) => event.pointerType === "mouse" && view.point(null)}
+      onClick={(event) => {
+        view.point(nodeAt(event));
+        pick(nodeAt(event));
       }}
-      onPointerLeave={() => {
-        view.hovered.value = null;
-      }}
-      onClick={(event) => pick(nodeAt(event))}
+      onFocus={() => onFocus(true)}
+      onBlur={() => onFocus(false)}
       onKeyDown={press}
     >
       <canvas ref={base} />
@@ -171,27 +201,15 @@ function sharpContext(canvas: HTMLCanvasElement): CanvasRenderingContext2D | nul
 
 function markedOf(view: View, figure: ResultFigure): number[] {
   return [view.hovered.value, ...view.picked.value].flatMap((node) =>
-    node?.structure === figure.structure && node.figure === figure.index ? [node.i * figure.cols + node.j] : [],
+    node?.structure === figure.structure && node.figure === figure.index ? [indexOf(figure, node)] : [],
   );
 }
 
-function planeOf(view: View, surface: Surface): (Flat | null)[] {
-  const shown = view.flat.value;
-  const structure = view.numbers.structures.find(({ index }) => index === shown?.structure);
-  const figure = structure?.figures.find(({ index }) => index === shown?.index);
-  const isPlaced = (point: Flat | null) => point?.every(Number.isFinite) ?? false;
-  return figure?.intrinsic[surface].map((point, node) => (figure.valid[node] && isPlaced(point) ? point : null)) ?? [];
-}
-
 /** The node under the pointer, CSS px. */
-function nearest({ figure, plane, frame }: Drawing, x: number, y: number): NodeRef | null {
+function nearest({ figure, nodes, frame }: Drawing, x: number, y: number): NodeRef | null {
   const [u, v] = [(x - frame.left) / frame.scale, (frame.top - y) / frame.scale];
-  const found = nodeTree(plane).find(u, v, REACH / frame.scale);
+  const found = nodes.find(u, v, REACH / frame.scale);
   return found ? refOf(figure, found.index) : null;
-}
-
-function refOf({ structure, index, cols }: ResultFigure, node: number): NodeRef {
-  return { structure, figure: index, i: Math.floor(node / cols), j: node % cols };
 }
 
 const STEPS: Record<string, [number, number]> = {
@@ -205,20 +223,29 @@ const STEPS: Record<string, [number, number]> = {
 function stepped(from: NodeRef | null, figure: ResultFigure, key: string): NodeRef | null {
   const step = STEPS[key];
   if (step === undefined) return null;
-  if (from?.structure !== figure.structure || from.figure !== figure.index) return refOf(figure, 0);
+  if (from?.structure !== figure.structure || from.figure !== figure.index) {
+    // Nodes that are not on the sheet have no place.
+    const first = figure.medial.findIndex((point) => point !== null);
+    return first === -1 ? null : refOf(figure, first);
+  }
   const within = (at: number, count: number) => Math.min(Math.max(at, 0), count - 1);
   return { ...from, i: within(from.i + step[0], figure.rows), j: within(from.j + step[1], figure.cols) };
 }
 
-/** What is read at the marked node, also for those who do not see it. */
-function Reading({ view }: { view: View }) {
-  const node = view.hovered.value;
-  const info = node && nodeInfo(view.result, node);
+/** What is read at the marked node; said aloud when it was reached with the keyboard here. */
+function Reading({ view, isSaid }: { view: View; isSaid: boolean }) {
   return (
-    <p class="reading" aria-live="polite">
-      {info
-        ? `Node (${info.i}, ${info.j}): upper ${number(info.upper_mm)}, lower ${number(info.lower_mm)}, total ${number(info.total_mm)} mm`
-        : "Point at a node, or move with the arrow keys."}
+    <p class="reading" aria-live={isSaid ? "polite" : "off"}>
+      {readingOf(view.result, view.hovered.value)}
     </p>
   );
+}
+
+function readingOf(result: Result, node: NodeRef | null): string {
+  if (node === null) return "Point at a node, or move with the arrow keys.";
+  const info = nodeInfo(result, node);
+  if (info === null) return `Node (${node.i}, ${node.j}) is not on the sheet.`;
+  const { i, j, upper_mm, lower_mm, total_mm, sd_mm } = info;
+  const spread = sd_mm === null ? "" : ` ± ${number(sd_mm)}`;
+  return `Node (${i}, ${j}): upper ${number(upper_mm)}, lower ${number(lower_mm)}, total ${number(total_mm)}${spread} mm`;
 }

@@ -4,6 +4,7 @@ import { quadtree } from "d3-quadtree";
 import { cssColorOf } from "../model/colors";
 import type { Quantity, Range } from "../model/quantity";
 import type { ResultFigure } from "../model/result";
+import { ticks } from "../model/scale";
 import type { Flat, Numbers } from "../model/thickness";
 
 /** Room round the drawing, CSS px. */
@@ -44,6 +45,7 @@ export interface Drawing {
   figure: ResultFigure;
   /** Of the surface that is shown. */
   plane: (Flat | null)[];
+  nodes: ReturnType<typeof nodeTree>;
   values: Numbers;
   voxels: Float32Array | null;
   quantity: Quantity;
@@ -61,10 +63,9 @@ export function draw(context: CanvasRenderingContext2D, drawing: Drawing): void 
 }
 
 /** Each voxel point in the colour of the node nearest to it. */
-function drawVoxels(context: CanvasRenderingContext2D, { voxels, plane, values, quantity, range, frame }: Drawing) {
+function drawVoxels(context: CanvasRenderingContext2D, { voxels, nodes, values, quantity, range, frame }: Drawing) {
   if (voxels === null) return;
   const colors = values.map((value) => cssColorOf(quantity, value, range));
-  const nodes = nodeTree(plane);
   const size = Math.min(Math.max(frame.scale * 0.35, 1), 3);
   context.globalAlpha = 0.45;
   for (let at = 0; at < voxels.length; at += 2) {
@@ -133,7 +134,7 @@ function extent(plane: (Flat | null)[]): number {
 
 /** A bar of a round length. */
 function drawScale(context: CanvasRenderingContext2D, { frame, ink }: Drawing): void {
-  const length = [1, 2, 5, 10, 20, 50, 100].findLast((mm) => mm * frame.scale <= 110) ?? 1;
+  const length = ticks(0, 110 / frame.scale, 1).at(-1) ?? 0;
   const bottom = context.canvas.clientHeight - 6;
   context.strokeStyle = ink;
   context.fillStyle = ink;

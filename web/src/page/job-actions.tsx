@@ -1,69 +1,79 @@
 import { useSignal } from "@preact/signals";
+import type { ComponentChildren } from "preact";
+import { useRef } from "preact/hooks";
 import type { Job } from "../api/client";
 import { act, cancel, erase, retry } from "./jobs";
-import { go, href, route } from "./route";
-import { nameOf } from "./words";
-
-/** How long a question stays. */
-const ASK_MS = 5000;
+import { go, href, route, showMain } from "./route";
+import { titleOf } from "./send";
 
 /** Stop it, run it again, erase it, share it. */
 export function JobActions({ job, canShare = false }: { job: Job; canShare?: boolean }) {
-  const name = nameOf(job);
+  const row = useRef<HTMLDivElement>(null);
   const { links } = job;
+  // What was pressed goes with the state it belongs to: the keyboard stays near.
+  const press = async (title: string, what: () => Promise<void>) => {
+    await act(title, what);
+    requestAnimationFrame(() => {
+      if (document.activeElement !== document.body) return;
+      const left = row.current?.isConnected ? row.current.querySelector("button") : null;
+      if (left) left.focus();
+      else showMain();
+    });
+  };
   return (
-    <div class="row actions">
+    <div class="row actions" ref={row}>
       {links.cancel && !job.cancel_requested && (
-        <button
-          type="button"
-          aria-label={`Cancel ${name}`}
-          onClick={() => act("It could not be cancelled", () => cancel(job))}
-        >
+        <Action of={job} onPress={() => press("It could not be cancelled", () => cancel(job))}>
           Cancel
-        </button>
+        </Action>
       )}
       {links.retry && (
-        <button
-          type="button"
-          aria-label={`Retry ${name}`}
-          onClick={() => act("It could not be run again", () => retry(job))}
-        >
+        <Action of={job} onPress={() => press("It could not be run again", () => retry(job))}>
           Retry
-        </button>
+        </Action>
       )}
-      <EraseButton job={job} />
-      {canShare && <ShareButton job={job} />}
+      <Erase of={job} onSure={(leave) => press("It could not be erased", () => erase(job, leave))} />
+      {canShare && <Share job={job} />}
     </div>
   );
 }
 
-/** Asks once more before it erases. */
-function EraseButton({ job }: { job: Job }) {
-  const isSure = useSignal(false);
-  const press = async () => {
-    if (!isSure.value) {
-      isSure.value = true;
-      setTimeout(() => {
-        isSure.value = false;
-      }, ASK_MS);
-      return;
-    }
-    await act("It could not be erased", () => erase(job));
-    if (route.value.at === "job" && route.value.id === job.id) go({ at: "start" });
-  };
+interface ActionProps {
+  of: Job;
+  kind?: string;
+  onPress(): void;
+  onBlur?(): void;
+  children: ComponentChildren;
+}
+
+/** A button that says to screen readers which job it is about. */
+function Action({ of, kind = "", onPress, onBlur, children }: ActionProps) {
   return (
-    <button
-      type="button"
-      class={isSure.value ? "danger" : ""}
-      aria-label={isSure.value ? `Really erase ${nameOf(job)}, its mask and results?` : `Delete ${nameOf(job)}`}
-      onClick={press}
-    >
-      {isSure.value ? "Erase it?" : "Delete"}
+    <button type="button" class={kind} onClick={onPress} onBlur={onBlur}>
+      {children}
+      <span class="unseen"> {titleOf(of)}</span>
     </button>
   );
 }
 
-function ShareButton({ job }: { job: Job }) {
+/** Asks once more before it erases, until something else is done. */
+function Erase({ of, onSure }: { of: Job; onSure(leave: () => void): void }) {
+  const isAsked = useSignal(false);
+  const press = () => {
+    if (isAsked.value) onSure(() => route.value.at === "job" && route.value.id === of.id && go({ at: "start" }));
+    isAsked.value = !isAsked.value;
+  };
+  const forget = () => {
+    isAsked.value = false;
+  };
+  return (
+    <Action of={of} kind={isAsked.value ? "danger" : ""} onPress={press} onBlur={forget}>
+      {isAsked.value ? "Erase it?" : "Delete"}
+    </Action>
+  );
+}
+
+function Share({ job }: { job: Job }) {
   const isCopied = useSignal(false);
   const link = `${location.origin}${location.pathname}${href({ at: "job", id: job.id })}`;
   const copy = async () => {

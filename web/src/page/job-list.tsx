@@ -5,8 +5,8 @@ import { JobActions } from "./job-actions";
 import { act, hasList, jobs, listProblem, loadOlder, olderCursor } from "./jobs";
 import { ProblemNote } from "./problem";
 import { href, route } from "./route";
-import { fileNames } from "./send";
-import { nameOf, stage, stateOf, time } from "./words";
+import { titleOf } from "./send";
+import { stage, stateOf, time } from "./words";
 
 /** All jobs, newest first. */
 export function JobList() {
@@ -43,7 +43,7 @@ function JobItem({ job }: { job: Job }) {
   return (
     <li class={isShown ? "job shown" : "job"} data-job={job.id} data-state={job.state}>
       <a class="job-link" href={href({ at: "job", id: job.id })} aria-current={isShown ? "page" : undefined}>
-        <span class="name">{fileNames.value.get(job.id) ?? nameOf(job)}</span>
+        <span class="name">{titleOf(job)}</span>
         <span class={`state ${job.state}`}>{stateOf(job)}</span>
         <span class="hint">{time(job.created_at)}</span>
       </a>

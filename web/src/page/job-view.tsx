@@ -1,14 +1,14 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { type Job, type Problem, Refused, token } from "../api/client";
+import { type Job, type Problem, problemOf, token } from "../api/client";
 import { hasEnded } from "../api/follow";
 import { JobActions } from "./job-actions";
 import { JobProgress } from "./job-list";
 import { jobOf, load } from "./jobs";
 import { ProblemNote } from "./problem";
 import { ResultView } from "./result-view";
-import { fileNames } from "./send";
-import { duration, nameOf, runSeconds, stateOf, time } from "./words";
+import { titleOf } from "./send";
+import { duration, runSeconds, stateOf, time } from "./words";
 
 /** One job: what it does, what went wrong, or what came out. */
 export function JobView({ id }: { id: string }) {
@@ -18,7 +18,7 @@ export function JobView({ id }: { id: string }) {
   return (
     <article class="job-view" aria-labelledby="job-title" data-state={job.state}>
       <header class="row">
-        <h2 id="job-title">{fileNames.value.get(id) ?? nameOf(job)}</h2>
+        <h2 id="job-title">{titleOf(job)}</h2>
         <span class={`state ${job.state}`} role="status">
           {stateOf(job)}
         </span>
@@ -39,15 +39,20 @@ export function useJob(id: string): { job: Job | undefined; problem: Problem | n
   const problem = useSignal<Problem | null>(null);
   const job = jobOf(id);
   const isKnown = job !== undefined;
-  const shown = token.value;
+  const allowed = token.value;
+  // With another token the job may be there.
   useEffect(() => {
-    if (isKnown) return;
+    let isLeft = false;
     problem.value = null;
-    load(id).catch((error) => {
-      if (!(error instanceof Refused)) throw error;
-      problem.value = error.problem;
-    });
-  }, [id, isKnown, shown, problem]);
+    if (!isKnown) {
+      load(id).catch((error) => {
+        if (!isLeft) problem.value = problemOf(error);
+      });
+    }
+    return () => {
+      isLeft = true;
+    };
+  }, [id, isKnown, allowed, problem]);
   return { job, problem: isKnown ? null : problem.value };
 }
 

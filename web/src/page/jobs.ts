@@ -8,7 +8,7 @@ import {
   fetchJobs,
   type Job,
   type Problem,
-  Refused,
+  problemOf,
   retryJob,
   token,
 } from "../api/client";
@@ -17,8 +17,8 @@ import { route } from "./route";
 
 /** Jobs asked for at once. */
 const PAGE = 30;
-/** Jobs followed by their events. Browsers open six connections to a server; the rest is for requests. */
-const FOLLOWED = 3;
+/** Jobs followed by their events. Browsers open six connections to a server, for all their tabs. */
+const FOLLOWED = 2;
 /** How often the list is asked for while jobs are at work that are not followed, and otherwise, ms. */
 const BUSY_MS = 2000;
 const IDLE_MS = 20_000;
@@ -37,39 +37,44 @@ export function jobOf(id: string): Job | undefined {
   return known.value.get(id);
 }
 
-function keep(...news: Job[]): void {
+export function keep(...news: Job[]): void {
   const next = new Map(known.peek());
   for (const job of news) next.set(job.id, job);
   known.value = next;
 }
 
-export function forget(id: string): void {
+function forget(...ids: string[]): void {
   const next = new Map(known.peek());
-  next.delete(id);
+  for (const id of ids) next.delete(id);
   known.value = next;
 }
 
-export const add = (job: Job) => keep(job);
-
 /** The newest jobs anew: others may have sent or erased some. */
 export async function refresh(): Promise<void> {
-  // What is sent meanwhile may not be in the answer.
-  const before = [...known.peek().keys()];
+  const [before, asked] = [known.peek(), token.peek()];
   try {
     const { jobs: newest, next_cursor } = await fetchJobs(PAGE);
-    const last = newest.at(-1)?.id ?? "";
-    const there = new Set(newest.map((job) => job.id));
-    for (const id of before) {
-      const isInReach = next_cursor === null || id >= last;
-      if (isInReach && !there.has(id)) forget(id);
-    }
-    keep(...newest);
-    if (!hasList.peek()) olderCursor.value = next_cursor;
-    hasList.value = true;
+    // With another token there are other jobs.
+    if (token.peek() !== asked) return;
+    takeList(newest, next_cursor, before);
     listProblem.value = null;
   } catch (error) {
-    if (error instanceof Refused) listProblem.value = error.problem;
+    if (token.peek() === asked) listProblem.value = problemOf(error);
   }
+}
+
+/** Takes a list that was asked for when the jobs `before` were known: what was heard since then is newer. */
+function takeList(newest: Job[], next: string | null, before: ReadonlyMap<string, Job>): void {
+  const last = newest.at(-1)?.id ?? "";
+  const listed = new Set(newest.map(({ id }) => id));
+  const gone = [...before.keys()].filter((id) => !listed.has(id) && (next === null || id >= last));
+  // More jobs came than are listed at once: what is between is with the older ones.
+  const isGap = ![...before.keys()].some((id) => listed.has(id));
+  const now = known.peek();
+  forget(...gone);
+  keep(...newest.filter(({ id }) => now.get(id) === before.get(id)));
+  if (!hasList.peek() || isGap || next === null) olderCursor.value = next;
+  hasList.value = true;
 }
 
 export async function loadOlder(): Promise<void> {
@@ -92,22 +97,28 @@ export async function retry(job: Job): Promise<void> {
   keep(await retryJob(job));
 }
 
-export async function erase(job: Job): Promise<void> {
+/** Erases a job; `leave` is called before the page forgets it. */
+export async function erase(job: Job, leave: () => void): Promise<void> {
   await deleteJob(job);
+  leave();
   forget(job.id);
 }
 
-/** Jobs at work, the shown ones first. */
+const isVisible = signal(document.visibilityState === "visible");
+document.addEventListener("visibilitychange", () => {
+  isVisible.value = document.visibilityState === "visible";
+});
+
+/** Jobs at work: the one that is shown, then the oldest, which are the next to run. */
 const active = computed(() => {
-  const shown: string[] = route.value.at === "job" ? [route.value.id] : [];
-  const ids = jobs.value.filter((job) => !hasEnded(job)).map((job) => job.id);
-  // The oldest are the next to run.
-  return [...ids.filter((id) => shown.includes(id)), ...ids.filter((id) => !shown.includes(id)).reverse()];
+  const shown = route.value.at === "job" ? route.value.id : "";
+  const ids = jobs.value.filter((job) => !hasEnded(job)).map(({ id }) => id);
+  return [...ids.filter((id) => id === shown), ...ids.filter((id) => id !== shown).reverse()];
 });
 
 const streams = new Map<string, AbortController>();
 
-function followFirst(ids: string[]): void {
+function followOnly(ids: string[]): void {
   for (const [id, stream] of streams) {
     if (!ids.includes(id)) {
       stream.abort();
@@ -117,62 +128,60 @@ function followFirst(ids: string[]): void {
   for (const id of ids.filter((id) => !streams.has(id))) {
     const stream = new AbortController();
     streams.set(id, stream);
-    const listener = {
-      onJob: keep,
-      onProgress: (progress: Job["progress"]) => {
-        const job = known.peek().get(id);
-        if (job !== undefined && !hasEnded(job)) keep({ ...job, state: "running", queue_position: null, progress });
-      },
-      onGone: () => forget(id),
-    };
-    void follow(id, listener, stream.signal);
+    void follow(id, listenerOf(id), stream.signal);
   }
+}
+
+function listenerOf(id: string) {
+  return {
+    onJob: (job: Job) => keep(job),
+    onProgress: (progress: Job["progress"]) => {
+      const job = known.peek().get(id);
+      if (job !== undefined && !hasEnded(job)) keep({ ...job, state: "running", queue_position: null, progress });
+    },
+    onGone: () => forget(id),
+  };
 }
 
 /** Begins to keep the list up to date. */
 export function keepUpToDate(): void {
-  const ids = computed(() => active.value.slice(0, FOLLOWED).join());
-  effect(() => {
-    const first = ids.value === "" ? [] : ids.value.split(",");
-    untracked(() => followFirst(first));
-  });
-  let timer = 0;
-  const again = () => {
-    clearTimeout(timer);
-    timer = window.setTimeout(tick, active.peek().length > FOLLOWED ? BUSY_MS : IDLE_MS);
-  };
-  const tick = async () => {
-    if (document.visibilityState === "visible") await refresh();
-    again();
-  };
   effect(() => {
     // With another token there are other jobs.
     token.value;
     untracked(() => {
-      for (const stream of streams.values()) stream.abort();
-      streams.clear();
-      followFirst(active.value.slice(0, FOLLOWED));
-      void tick();
+      followOnly([]);
+      known.value = new Map();
+      hasList.value = false;
+      olderCursor.value = null;
+      listProblem.value = null;
     });
+  });
+  const followed = computed(() => (isVisible.value ? active.value.slice(0, FOLLOWED).join() : ""));
+  effect(() => {
+    const ids = followed.value === "" ? [] : followed.value.split(",");
+    untracked(() => followOnly(ids));
   });
   const isBusy = computed(() => active.value.length > FOLLOWED);
   effect(() => {
-    isBusy.value;
-    again();
+    token.value;
+    if (!isVisible.value) return;
+    const pace = isBusy.value ? BUSY_MS : IDLE_MS;
+    void refresh();
+    // Without a token there is nothing to be had.
+    const timer = setInterval(() => listProblem.peek()?.status !== 401 && void refresh(), pace);
+    return () => clearInterval(timer);
   });
-  document.addEventListener("visibilitychange", () => document.visibilityState === "visible" && void tick());
 }
 
 /** What could not be done, to be told to the user. */
 export const actProblem = signal<{ title: string; problem: Problem } | null>(null);
 
-/** Does something that the service may refuse, and tells of the refusal. */
+/** Does something that may fail, and tells of it. */
 export async function act(title: string, what: () => Promise<void>): Promise<void> {
   try {
     actProblem.value = null;
     await what();
   } catch (error) {
-    if (!(error instanceof Refused)) throw error;
-    actProblem.value = { title, problem: error.problem };
+    actProblem.value = { title, problem: problemOf(error) };
   }
 }

@@ -6,7 +6,6 @@ export interface Schema {
   enum?: string[];
   oneOf?: Schema[];
   properties?: Record<string, Schema>;
-  items?: Schema;
   minimum?: number;
   maximum?: number;
   maxItems?: number;
@@ -117,9 +116,11 @@ export function read(field: Field, filled: Filled): Read {
 }
 
 function readNumber({ name, isWhole, minimum, maximum }: Input, text = ""): Read {
-  const value = Number(text.trim().replace(",", "."));
+  // A comma of decimals; in whole numbers it may be one of thousands, which is asked back.
+  const value = Number(isWhole ? text : text.replace(",", "."));
   const bounds = `${name}: ${isWhole ? "a whole number" : "a number"} from ${minimum ?? "−∞"} to ${maximum ?? "∞"}`;
-  const isFit = text.trim() !== "" && Number.isFinite(value) && (!isWhole || Number.isInteger(value));
+  const isFit =
+    /^\s*[+-]?[\d.,]+(e[+-]?\d+)?\s*$/i.test(text) && Number.isFinite(value) && (!isWhole || Number.isInteger(value));
   return isFit && value >= (minimum ?? -Infinity) && value <= (maximum ?? Infinity) ? { value } : { wrong: bounds };
 }
 
@@ -136,10 +137,10 @@ export function assemble(fields: Field[], form: Record<string, Filled>) {
   const params: Record<string, unknown> = {};
   const wrong: Record<string, string> = {};
   for (const field of fields) {
-    const read_ = read(field, form[field.name] ?? field.initial);
+    const given = read(field, form[field.name] ?? field.initial);
     const untouched = read(field, field.initial);
-    if ("wrong" in read_) wrong[field.name] = read_.wrong;
-    else if (JSON.stringify(read_) !== JSON.stringify(untouched)) params[field.name] = read_.value;
+    if ("wrong" in given) wrong[field.name] = given.wrong;
+    else if (JSON.stringify(given) !== JSON.stringify(untouched)) params[field.name] = given.value;
   }
   return { params, wrong };
 }

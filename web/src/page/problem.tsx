@@ -15,7 +15,7 @@ export function ProblemNote({ problem, title }: Props) {
         {sentence(problem.detail)}
         {problem.location && ` (${problem.location})`}
       </p>
-      {problem.hint && <p>What to do: {problem.hint}.</p>}
+      {problem.hint && problem.hint !== problem.detail && <p>What to do: {problem.hint}.</p>}
       <p class="hint">
         <code>{problem.code}</code>
         {problem.retryable && " · trying again may help"}
@@ -27,5 +27,6 @@ export function ProblemNote({ problem, title }: Props) {
 
 function sentence(text: string): string {
   const ended = /[.!?]$/.test(text) ? text : `${text}.`;
-  return ended.charAt(0).toUpperCase() + ended.slice(1);
+  // Names of parameters and fields keep their case.
+  return /^[a-z]+ /.test(ended) ? ended.charAt(0).toUpperCase() + ended.slice(1) : ended;
 }

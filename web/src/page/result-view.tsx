@@ -43,8 +43,8 @@ export function ResultView({ job }: { job: Job }) {
         <Fold title="Thickness">
           <ThicknessPanel view={view} />
         </Fold>
-        <Fold title="Verdict" beside={<VerdictBadge verdict={worstOf(structures)} />}>
-          <VerdictPanel structures={structures} />
+        <Fold title="Verdict" beside={<VerdictBadge verdict={worstOf(loaded.numbers)} />}>
+          <VerdictPanel numbers={loaded.numbers} />
         </Fold>
         <Fold title="Take away" isClosed>
           <TakeAway job={job} picture={picture} />

@@ -2,7 +2,7 @@
 
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { fetchResult, type Job, type Problem, Refused, strange } from "../api/client";
+import { fetchResult, type Job, type Problem, problemOf, token } from "../api/client";
 import { fromThickness, type Result } from "../model/result";
 import type { Thickness } from "../model/thickness";
 
@@ -25,22 +25,24 @@ async function loadResult(job: Job, signal: AbortSignal): Promise<Loaded> {
 export function useResult(job: Job | undefined): { loaded: Loaded | null; problem: Problem | null } {
   const loaded = useSignal<Loaded | null>(null);
   const problem = useSignal<Problem | null>(null);
-  const id = job?.state === "succeeded" ? job.id : null;
+  const shown = job?.state === "succeeded" && !job.results_erased ? job : null;
+  const id = shown?.id;
+  const allowed = token.value;
+  // Results never change, but may be refused to a token.
   useEffect(() => {
-    if (id === null || job === undefined) return;
+    if (shown === null) return;
     const loading = new AbortController();
     loaded.value = null;
     problem.value = null;
-    loadResult(job, loading.signal).then(
+    loadResult(shown, loading.signal).then(
       (found) => {
-        loaded.value = found;
+        if (!loading.signal.aborted) loaded.value = found;
       },
       (error) => {
-        if (loading.signal.aborted) return;
-        problem.value = error instanceof Refused ? error.problem : strange("The result cannot be read", String(error));
+        if (!loading.signal.aborted) problem.value = problemOf(error);
       },
     );
     return () => loading.abort();
-  }, [id]);
+  }, [id, allowed]);
   return { loaded: loaded.value, problem: problem.value };
 }

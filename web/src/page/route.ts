@@ -31,11 +31,9 @@ addEventListener("hashchange", () => {
   route.value = parse(location.hash);
 });
 
-/** Brings into view what the address names, which on a phone is below the jobs, and leads screen readers to it. */
+/** Leads the keyboard and screen readers to what the address names. */
 export function showMain(): void {
-  const main = document.getElementById("main");
-  main?.focus({ preventScroll: true });
-  if (main && main.getBoundingClientRect().top > innerHeight / 2) main.scrollIntoView();
+  document.getElementById("main")?.focus();
 }
 
 export function go(to: Route): void {

@@ -16,9 +16,14 @@ export function SendPanel() {
       <h2 id="send-title">New job</h2>
       <DropZone isOff={isWrong} />
       <SamplePicker isOff={isWrong} />
+      {isWrong && (
+        <p class="wrong" role="alert">
+          Nothing can be sent: look at {Object.keys(wrong).join(", ")} under Parameters.
+        </p>
+      )}
       <details class="fold">
         <summary>
-          Parameters <span class="hint">{isWrong ? "something is wrong" : set === 0 ? "defaults" : `${set} set`}</span>
+          Parameters <span class="hint">{set === 0 ? "defaults" : `${set} set`}</span>
         </summary>
         <label class="field">
           Name of the job

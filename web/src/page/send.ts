@@ -5,16 +5,18 @@ import {
   call,
   fetchLimits,
   fetchSamples,
+  type Job,
   type Limits,
   type Problem,
+  problemOf,
   Refused,
   type Sample,
   submit,
 } from "../api/client";
-import { add } from "./jobs";
+import { keep } from "./jobs";
 import { assemble, type Field, type Filled, fieldsOf, type Schema } from "./params";
 import { go } from "./route";
-import { bytes } from "./words";
+import { bytes, nameOf } from "./words";
 
 export const limits = signal<Limits | null>(null);
 export const samples = signal<Sample[]>([]);
@@ -25,6 +27,11 @@ export const form = signal<Record<string, Filled>>({});
 export const jobName = signal("");
 /** Computes also what was computed before. */
 export const anew = signal(false);
+
+/** What a job is called on this page. */
+export function titleOf(job: Job): string {
+  return fileNames.value.get(job.id) ?? nameOf(job);
+}
 
 export interface Sending {
   key: number;
@@ -38,59 +45,84 @@ export const sendings = signal<Sending[]>([]);
 /** Names of files by job: kept in memory only, and never sent, for they may name a patient. */
 export const fileNames = signal<ReadonlyMap<string, string>>(new Map());
 
-/** Asks the service what it takes. */
-export async function askForLimits(): Promise<void> {
-  limits.value = await fetchLimits();
-  fields.value = fieldsOf(limits.value.params as Schema);
-}
+/** How long to wait for a service that does not answer, ms. */
+const AGAIN_MS = 5000;
 
-export async function askForSamples(): Promise<void> {
-  samples.value = await fetchSamples();
+/** Asks the service for its limits and samples, until it answers. */
+export async function askWhatIsTaken(): Promise<void> {
+  try {
+    if (limits.value === null) {
+      limits.value = await fetchLimits();
+      fields.value = fieldsOf(limits.value.params as Schema);
+    }
+    samples.value = await fetchSamples();
+  } catch (error) {
+    // Without being allowed to there are no samples; what to do about that is told elsewhere.
+    if (problemOf(error).status === 0) setTimeout(askWhatIsTaken, AGAIN_MS);
+  }
 }
 
 let keys = 0;
 
-function begin(name: string): (news: Partial<Sending>) => void {
+/** Shows that something is being sent; what it returns tells how it goes on. */
+function begin(name: string): { key: number; news(news: Partial<Sending>): void } {
   const key = ++keys;
   sendings.value = [...sendings.value, { key, name, share: null, problem: null }];
-  return (news) => {
+  const news = (news: Partial<Sending>) => {
     sendings.value = sendings.value.map((sending) => (sending.key === key ? { ...sending, ...news } : sending));
-    if (news.share === Infinity) dismiss(key);
   };
+  return { key, news };
 }
 
 export function dismiss(key: number): void {
   sendings.value = sendings.value.filter((sending) => sending.key !== key);
 }
 
+interface Wanted {
+  params: Record<string, unknown>;
+  labels: Record<string, string>;
+  anew: boolean;
+}
+
+/** What the form says now; null while something in it is wrong. */
+function wanted(labels: Record<string, string> = {}): Wanted | null {
+  const { params, wrong } = assemble(fields.value, form.value);
+  const name = jobName.value.trim();
+  if (Object.keys(wrong).length > 0) return null;
+  return { params, labels: name === "" ? labels : { ...labels, name }, anew: anew.value };
+}
+
 /** Sends files, one job each; shows the job when there is but one. */
 export async function sendFiles(files: File[]): Promise<void> {
+  const asked = wanted();
+  if (asked === null) return;
   for (const file of files) {
-    await send(file.name, () => Promise.resolve(file), {}, files.length === 1);
+    const job = await send(file.name, () => Promise.resolve(file), asked);
+    if (job === null) continue;
+    fileNames.value = new Map(fileNames.value).set(job.id, file.name);
+    if (files.length === 1) go({ at: "job", id: job.id });
   }
 }
 
 export async function sendSample(sample: Sample): Promise<void> {
-  await send(sample.name, async () => (await call(sample.href)).blob(), { sample: sample.name }, true);
+  const asked = wanted({ sample: sample.name });
+  const job = asked && (await send(sample.name, async () => (await call(sample.href)).blob(), asked));
+  if (job !== null) go({ at: "job", id: job.id });
 }
 
-async function send(name: string, mask: () => Promise<Blob>, more: Record<string, string>, isShown: boolean) {
-  const { params, wrong } = assemble(fields.value, form.value);
-  if (Object.keys(wrong).length > 0) return;
-  const news = begin(name);
+/** Sends a mask; null when it was refused, which is told. */
+async function send(name: string, mask: () => Promise<Blob>, asked: Wanted): Promise<Job | null> {
+  const { key, news } = begin(name);
   try {
     const blob = await mask();
     refuseTooLarge(blob);
-    const given = jobName.value.trim();
-    const labels = given === "" ? more : { ...more, name: given };
-    const job = await submit({ mask: blob, params, labels, anew: anew.value }, (share) => news({ share }));
-    if (more.sample === undefined) fileNames.value = new Map(fileNames.value).set(job.id, name);
-    add(job);
-    news({ share: Infinity });
-    if (isShown) go({ at: "job", id: job.id });
+    const job = await submit({ mask: blob, ...asked }, (share) => news({ share }));
+    keep(job);
+    dismiss(key);
+    return job;
   } catch (error) {
-    if (!(error instanceof Refused)) throw error;
-    news({ problem: error.problem });
+    news({ problem: problemOf(error) });
+    return null;
   }
 }
 

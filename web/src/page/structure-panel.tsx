@@ -39,8 +39,8 @@ interface RowProps {
 function StructureRow({ structure, view, names }: RowProps) {
   const { index, label, figures, thickness_summary } = structure;
   const only = () => {
-    view.style.setShown(names, false);
-    view.style.setShown([`${index}`], true);
+    view.style.showOnly(`${index}`, names);
+    view.viewer.value?.fit();
   };
   return (
     <li>

@@ -2,12 +2,13 @@ import { useSignal } from "@preact/signals";
 import { fetchResult, type Job, type ResultFile, token } from "../api/client";
 import { curlLines } from "./curl";
 import { act } from "./jobs";
+import { samples } from "./send";
 import { bytes } from "./words";
 
 /** The files of a job, a picture, and how to do the same from a shell. */
 export function TakeAway({ job, picture }: { job: Job; picture: () => Promise<Blob> }) {
   const isCopied = useSignal(false);
-  const lines = curlLines(job, location.origin, token.value !== null);
+  const lines = curlLines(job, location.origin, token.value !== null, sampleOf(job));
   const copy = async () => {
     await navigator.clipboard.writeText(lines);
     isCopied.value = true;
@@ -21,7 +22,10 @@ export function TakeAway({ job, picture }: { job: Job; picture: () => Promise<Bl
           </li>
         ))}
         <li>
-          <button type="button" onClick={async () => save(await picture(), `medialrep-${job.id}.png`)}>
+          <button
+            type="button"
+            onClick={() => act("There is no picture", async () => save(await picture(), `medialrep-${job.id}.png`))}
+          >
             Picture of the view (PNG)
           </button>
         </li>
@@ -42,6 +46,11 @@ export function TakeAway({ job, picture }: { job: Job; picture: () => Promise<Bl
       )}
     </>
   );
+}
+
+/** The label of a job may say anything: only what is a sample counts as one. */
+function sampleOf({ labels }: Job): string | null {
+  return samples.value.find(({ name }) => name === labels.sample)?.name ?? null;
 }
 
 function FileLink({ job, file }: { job: Job; file: ResultFile }) {

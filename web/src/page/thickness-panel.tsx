@@ -1,5 +1,5 @@
 import { cssColorOf } from "../model/colors";
-import { QUANTITIES, valuesOf } from "../model/quantity";
+import { QUANTITIES, type Quantity, rangeOf, valuesOf } from "../model/quantity";
 import type { Spread, Structure } from "../model/thickness";
 import { nodeAreas } from "./area";
 import { type Bin, histogram } from "./histogram";
@@ -27,7 +27,8 @@ function Histogram({ view }: { view: View }) {
   // Of what has no values there is no spread.
   const quantity = QUANTITIES[view.style.color.value].kind === "categorical" ? "total" : view.style.color.value;
   const { label, unit } = QUANTITIES[quantity];
-  const range = quantity === view.style.color.value ? view.range.value : spanOf(weighted(view, quantity));
+  const range =
+    quantity === view.style.color.value ? view.range.value : rangeOf(view.result, quantity, view.shownStructures.value);
   const bins = histogram(weighted(view, quantity), range, BINS);
   const most = Math.max(...bins.map(({ weight }) => weight), 1e-9);
   const all = bins.reduce((sum, { weight }) => sum + weight, 0);
@@ -64,24 +65,13 @@ function Histogram({ view }: { view: View }) {
   );
 }
 
-function weighted(view: View, quantity: Parameters<typeof valuesOf>[1]) {
-  const hidden = view.style.hidden.value;
-  const figures = view.result.structures
-    .filter(({ index }) => !hidden.has(`${index}`))
-    .flatMap(({ index, figures }) => figures.filter((figure) => !hidden.has(`${index}/${figure.index}`)));
-  return figures.flatMap((figure) => {
+function weighted(view: View, quantity: Quantity) {
+  return view.shownFigures.value.flatMap((figure) => {
     const areas = nodeAreas(figure, figure.medial);
     return valuesOf(figure, quantity, "medial").flatMap((value, node) =>
       value === null ? [] : [{ value, weight: areas[node] ?? 0 }],
     );
   });
-}
-
-function spanOf(values: { value: number }[]): [number, number] {
-  return values.reduce<[number, number]>(
-    ([low, high], { value }) => [Math.min(low, value), Math.max(high, value)],
-    values.length > 0 ? [Infinity, -Infinity] : [0, 1],
-  );
 }
 
 function SummaryTable({ structures }: { structures: Structure[] }) {

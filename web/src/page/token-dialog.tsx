@@ -1,5 +1,5 @@
 import { useEffect, useRef } from "preact/hooks";
-import { token, tokenWanted } from "../api/client";
+import { type Problem, token, tokenWanted } from "../api/client";
 
 /** Asks for the token when the service wants one. It is kept in memory, never stored, never in the address. */
 export function TokenDialog() {
@@ -12,21 +12,31 @@ export function TokenDialog() {
   const give = (event: SubmitEvent) => {
     event.preventDefault();
     const given = input.current?.value.trim() ?? "";
-    if (input.current) input.current.value = "";
-    tokenWanted.value = null;
     dialog.current?.close();
+    // The same token again is tried again, too.
+    token.value = null;
     if (given !== "") token.value = given;
   };
+  const forget = () => {
+    if (input.current) input.current.value = "";
+    tokenWanted.value = null;
+  };
   return (
-    <dialog ref={dialog} aria-labelledby="token-title" onClose={() => (tokenWanted.value = null)}>
+    <dialog ref={dialog} aria-labelledby="token-title" onClose={forget}>
       <form onSubmit={give}>
         <h2 id="token-title">Token</h2>
-        <p>
-          {token.value !== null && wanted ? `The token was refused: ${wanted.detail}.` : "This service wants a token."}
-        </p>
+        <p>{reason(wanted)}</p>
         <label class="field">
           Token
-          <input ref={input} type="password" autocomplete="off" spellcheck={false} required />
+          <input
+            ref={input}
+            type="password"
+            autocomplete="off"
+            spellcheck={false}
+            required
+            pattern="[\x21-\x7e]+"
+            title="letters, digits and signs without spaces"
+          />
         </label>
         <p class="hint">
           It stays in the memory of this page until you close or reload it. The operator makes one with{" "}
@@ -43,4 +53,9 @@ export function TokenDialog() {
       </form>
     </dialog>
   );
+}
+
+function reason(wanted: Problem | "by hand" | null): string {
+  if (wanted === "by hand" || wanted === null) return "Jobs belong to whom the token belongs to.";
+  return token.value === null ? "This service wants a token." : `The token was refused: ${wanted.detail}.`;
 }

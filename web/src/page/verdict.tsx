@@ -1,4 +1,4 @@
-import type { Structure, Verdict } from "../model/thickness";
+import type { Structure, Thickness, Verdict } from "../model/thickness";
 import { plural } from "./words";
 
 /** A refused structure has no verdict of its own: there is nothing to judge. */
@@ -11,8 +11,10 @@ export function verdictOf(structure: Structure): Judged {
   return structure.refusal ? "none" : (structure.quality.verdict ?? "none");
 }
 
-export function worstOf(structures: Structure[]): Judged {
-  return structures.map(verdictOf).reduce((a, b) => (ORDER.indexOf(a) > ORDER.indexOf(b) ? a : b), "pass");
+/** Of the structures and the file they came from. */
+export function worstOf({ structures, warnings }: Thickness): Judged {
+  const all = [...structures.map(verdictOf), warnings.length > 0 ? "warn" : "pass"] as Judged[];
+  return all.reduce((a, b) => (ORDER.indexOf(a) > ORDER.indexOf(b) ? a : b));
 }
 
 export function VerdictBadge({ verdict }: { verdict: Judged }) {
@@ -20,11 +22,23 @@ export function VerdictBadge({ verdict }: { verdict: Judged }) {
 }
 
 /** How far each structure can be trusted, and why not further. */
-export function VerdictPanel({ structures }: { structures: Structure[] }) {
+export function VerdictPanel({ numbers: { structures, warnings } }: { numbers: Thickness }) {
   const telling = structures.filter((structure) => sayings(structure).length > 0);
   const quiet = structures.length - telling.length;
   return (
     <>
+      {warnings.length > 0 && (
+        <ul class="verdicts">
+          <li>
+            <VerdictBadge verdict="warn" /> the file
+            <ul>
+              {warnings.map(({ code, message }) => (
+                <li key={code}>{message}</li>
+              ))}
+            </ul>
+          </li>
+        </ul>
+      )}
       {quiet > 0 && (
         <p>
           {telling.length === 0

@@ -1,14 +1,22 @@
 /** What is shown of a result, and how: shared by all views of it. */
 
 import { computed, type ReadonlySignal, signal } from "@preact/signals";
-import type { Layer } from "../model/glb";
+import { DEFAULT_LAYERS, type Layer } from "../model/glb";
 import type { NodeInfo } from "../model/node-info";
 import { type Quantity, quantitiesOf, type Range, rangeOf } from "../model/quantity";
-import { type FigureValues, type NodeRef, type Result, type ResultFigure, withDifference } from "../model/result";
+import {
+  type FigureValues,
+  figureOf,
+  figuresOf,
+  type NodeRef,
+  type Result,
+  type ResultFigure,
+  withDifference,
+} from "../model/result";
 import type { Thickness } from "../model/thickness";
 import type { MedialViewer } from "../viewer";
 
-export const LAYERS: [Layer, string][] = [
+export const LAYER_NAMES: [Layer, string][] = [
   ["object", "Object"],
   ["medial", "Medial sheet"],
   ["upper", "Upper surface"],
@@ -18,16 +26,18 @@ export const LAYERS: [Layer, string][] = [
   ["closed", "Closed surface"],
 ];
 
-const SHOWN_AT_FIRST: Layer[] = ["object", "medial", "upper", "lower", "vectors"];
-
 /** Layers, colours and what is hidden: two results that are compared share one. */
 export class Style {
-  readonly layers = signal<ReadonlySet<Layer>>(new Set(SHOWN_AT_FIRST));
-  readonly color = signal<Quantity>("total");
+  readonly layers = signal<ReadonlySet<Layer>>(new Set(DEFAULT_LAYERS));
   /** What the ends of the colours stand for; null for the range of the data. */
   readonly range = signal<Range | null>(null);
   /** Structures by `index`, figures by `index/index`. */
   readonly hidden = signal<ReadonlySet<string>>(new Set());
+  readonly color;
+
+  constructor(quantity: Quantity = "total") {
+    this.color = signal(quantity);
+  }
 
   setLayer(layer: Layer, isShown: boolean): void {
     this.layers.value = changed(this.layers.value, [layer], isShown);
@@ -37,11 +47,18 @@ export class Style {
     this.hidden.value = changed(this.hidden.value, names, !isShown);
   }
 
+  showOnly(name: string, names: string[]): void {
+    this.hidden.value = new Set(names.filter((other) => other !== name));
+  }
+
   colorBy(quantity: Quantity): void {
     this.color.value = quantity;
     this.range.value = null;
   }
 }
+
+/** Lattices of so many nodes in all begin without vectors: they would hide everything else. */
+const MANY_NODES = 4000;
 
 /** A result on the page. */
 export class View {
@@ -50,11 +67,12 @@ export class View {
   readonly picked = signal<NodeInfo[]>([]);
   /** The 3D view, once it is there. */
   readonly viewer = signal<MedialViewer | null>(null);
-  /** The figure that the flat view shows. */
-  readonly flat = signal<ResultFigure | null>(null);
   readonly result: Result;
-  /** The result beside it that has the same scale. */
+  /** The result beside it, with the same scale and camera. */
   partner: View | null = null;
+  /** Whether the partner has the same structures, so that a node here is a node there. */
+  isTwin = false;
+  private readonly chosen = signal<ResultFigure | null>(null);
 
   constructor(
     readonly numbers: Thickness,
@@ -63,7 +81,8 @@ export class View {
     readonly difference: FigureValues[] | null = null,
   ) {
     this.result = difference === null ? result : withDifference(result, difference);
-    this.flat.value = this.result.structures.flatMap(({ figures }) => figures)[0] ?? null;
+    const nodes = figuresOf(result).reduce((sum, { rows, cols }) => sum + rows * cols, 0);
+    if (nodes > MANY_NODES) style.setLayer("vectors", false);
   }
 
   readonly quantities = computed(() => quantitiesOf(this.result));
@@ -73,20 +92,40 @@ export class View {
     return new Set(this.result.structures.map(({ index }) => index).filter((index) => !hidden.has(`${index}`)));
   });
 
-  /** What the colours stand for now. */
-  readonly range: ReadonlySignal<Range> = computed(() => {
-    if (this.style.range.value !== null) return this.style.range.value;
-    const [own, others] = [this.dataRange.value, (this.partner ?? this).dataRange.value];
+  readonly shownFigures = computed(() => {
+    const hidden = this.style.hidden.value;
+    return figuresOf(this.result).filter(
+      ({ structure, index }) => !hidden.has(`${structure}`) && !hidden.has(`${structure}/${index}`),
+    );
+  });
+
+  /** The figure that the flat view shows: the chosen one, as long as it is not hidden. */
+  readonly flat: ReadonlySignal<ResultFigure | null> = computed(() => {
+    const [shown, chosen] = [this.shownFigures.value, this.chosen.value];
+    return chosen !== null && shown.includes(chosen) ? chosen : (shown[0] ?? null);
+  });
+
+  /** The range of the data, of the partner's too. */
+  readonly dataRange: ReadonlySignal<Range> = computed(() => {
+    const [own, others] = [this.ownRange.value, (this.partner ?? this).ownRange.value];
     return [Math.min(own[0], others[0]), Math.max(own[1], others[1])];
   });
 
-  private readonly dataRange: ReadonlySignal<Range> = computed(() =>
+  /** What the colours stand for now. */
+  readonly range: ReadonlySignal<Range> = computed(() => this.style.range.value ?? this.dataRange.value);
+
+  private readonly ownRange: ReadonlySignal<Range> = computed(() =>
     rangeOf(this.result, this.style.color.value, this.shownStructures.value),
   );
 
   showFlat(structure: number, figure: number): void {
-    const figures = this.result.structures.find(({ index }) => index === structure)?.figures;
-    this.flat.value = figures?.find(({ index }) => index === figure) ?? this.flat.value;
+    this.chosen.value = figureOf(this.result, structure, figure);
+  }
+
+  /** Marks a node everywhere. */
+  point(node: NodeRef | null): void {
+    this.hovered.value = node;
+    if (this.isTwin && this.partner) this.partner.hovered.value = node;
   }
 }
 

@@ -11,7 +11,9 @@ export function bytes(count: number): string {
 
 /** A number with its decimals; a dash when there is none. */
 export function number(value: number | null | undefined, decimals = 2): string {
-  return value === null || value === undefined ? "–" : value.toFixed(decimals);
+  if (value === null || value === undefined) return "–";
+  const text = value.toFixed(decimals);
+  return Number(text) === 0 ? text.replace("-", "") : text;
 }
 
 export function duration(seconds: number): string {

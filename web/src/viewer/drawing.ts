@@ -54,11 +54,6 @@ export class Drawing {
     if (this.#fitted) this.fit(false);
   }
 
-  reshow(): void {
-    this.view.reshow();
-    this.stage.invalidate();
-  }
-
   dispose(): void {
     this.stage.hold(false);
     this.stage.scene.remove(this.view.group);

@@ -1,4 +1,4 @@
-import type { Layer } from "../model/glb";
+import { DEFAULT_LAYERS, type Layer } from "../model/glb";
 import { isQuantity, type Quantity, quantitiesOf, type Range } from "../model/quantity";
 import type { FigureValues, NodeRef, Result } from "../model/result";
 import type { Surface, Thickness } from "../model/thickness";
@@ -7,7 +7,7 @@ import type { ViewerEvents } from "./events";
 import { fetchModel } from "./fetch-model";
 import type { ScreenPoint } from "./picking";
 import { readGlb } from "./read-glb";
-import { DEFAULT_LAYERS, isLayer } from "./shown";
+import { isLayer } from "./shown";
 import { styles } from "./styles";
 import { Viewer } from "./viewer";
 
@@ -18,10 +18,8 @@ import { Viewer } from "./viewer";
 export class MedialViewer extends HTMLElement {
   static readonly observedAttributes = ["src", "numbers", "color", "layers", "label"];
 
-  /** Sent as `Authorization: Bearer` for `src` and `numbers`. To be set before them. */
-  token: string | null = null;
-
   #viewer = new Viewer((name, detail) => this.#emit(name, detail));
+  #token: string | null = null;
   #fetching: AbortController | null = null;
   /** What is wanted from `src` has not been fetched yet. */
   #pending = false;
@@ -30,10 +28,25 @@ export class MedialViewer extends HTMLElement {
 
   constructor() {
     super();
+    // Set by a page before this element was defined.
+    const early = Object.getOwnPropertyDescriptor(this, "token")?.value;
+    if (early !== undefined) {
+      Reflect.deleteProperty(this, "token");
+      this.token = early;
+    }
     const root = this.attachShadow({ mode: "open" });
     root.adoptedStyleSheets = [styles];
     root.append(this.#viewer.surroundings.element);
     this.#viewer.surroundings.label = "Medial representation";
+  }
+
+  /** Sent as `Authorization: Bearer` for `src` and `numbers`; kept in memory only. To be set before them. */
+  get token(): string | null {
+    return this.#token;
+  }
+
+  set token(token: string | null) {
+    this.#token = token;
   }
 
   connectedCallback(): void {
@@ -90,6 +103,11 @@ export class MedialViewer extends HTMLElement {
 
   set range(range: Range | null) {
     this.#viewer.range = range;
+  }
+
+  /** What the scale has while `range` is null, in place of the range of the data: two viewers may share one. */
+  set defaultRange(range: Range | null) {
+    this.#viewer.defaultRange = range;
   }
 
   /** The ends of the colour scale as it is now. */
@@ -176,6 +194,8 @@ export class MedialViewer extends HTMLElement {
     this.#fetching?.abort();
     this.#pending = this.hasAttribute("src");
     if (!this.#pending || !this.isConnected) return;
+    // What is being read is not wanted any more.
+    this.#openings++;
     const fetching = new AbortController();
     this.#fetching = fetching;
     // Both attributes may be set one after the other.

@@ -20,6 +20,8 @@ export class Gizmo {
   readonly element = make("div", "gizmo");
   #buttons: Record<Side, HTMLButtonElement>;
   #lines: SVGLineElement[];
+  /** Of the letters from the middle, CSS pixels, as they are now. */
+  #places: { side: Side; x: number; y: number }[] = [];
 
   constructor(lookFrom: (side: Side) => void) {
     this.element.setAttribute("role", "group");
@@ -45,6 +47,7 @@ export class Gizmo {
   update(camera: Camera): void {
     const toCamera = new Quaternion().copy(camera.quaternion).invert();
     const places = SIDES.map((side) => new Vector3(...SIDE_DIRECTIONS[side]).round().applyQuaternion(toCamera));
+    this.#places = SIDES.map((side, n) => ({ side, x: (places[n]?.x ?? 0) * ARM, y: -(places[n]?.y ?? 0) * ARM }));
     SIDES.forEach((side, n) => {
       const { x, y, z } = places[n] ?? new Vector3();
       const { style, classList } = this.#buttons[side];
@@ -59,5 +62,22 @@ export class Gizmo {
         line.setAttribute(`y${n + 1}`, (-(end?.y ?? 0) * ARM).toFixed(1));
       });
     });
+  }
+
+  /** Into the upper right corner of a picture, in CSS pixels. */
+  drawOn(context: CanvasRenderingContext2D, width: number, ink: string): void {
+    const [left, top] = [width - 52, 52];
+    context.strokeStyle = context.fillStyle = ink;
+    context.lineWidth = 1;
+    context.font = "600 13px system-ui, sans-serif";
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    for (const { side, x, y } of this.#places) {
+      context.beginPath();
+      context.moveTo(left, top);
+      context.lineTo(left + 0.75 * x, top + 0.75 * y);
+      context.stroke();
+      context.fillText(side, left + 1.1 * x, top + 1.1 * y);
+    }
   }
 }

@@ -13,9 +13,9 @@ export function openGraphics(): Graphics | null {
   // Smoothing by the processor costs more than drawing at twice the size at rest. Which it is can only be asked of
   // a context, and making one takes long only where it is the processor.
   if (isSoftware(plain.context)) return { ...plain, software: true };
-  plain.context.getExtension("WEBGL_lose_context")?.loseContext();
   const smooth = open(true);
-  return smooth && { ...smooth, software: false };
+  if (smooth) plain.context.getExtension("WEBGL_lose_context")?.loseContext();
+  return { ...(smooth ?? plain), software: false };
 }
 
 function open(antialias: boolean): { canvas: HTMLCanvasElement; context: WebGL2RenderingContext } | null {

@@ -1,5 +1,5 @@
 import { distances } from "../model/node-info";
-import { figureOf, type NodeRef, type Result } from "../model/result";
+import { figureOf, indexOf, type NodeRef, type Result } from "../model/result";
 import type { Surface } from "../model/thickness";
 import { Attention } from "./attention";
 import type { Drawing } from "./drawing";
@@ -59,6 +59,7 @@ export class Interaction {
   /** The model has gone. */
   forget(): void {
     this.#attention.clear();
+    this.#scene.surroundings.tools.picks = 0;
   }
 
   /** The readings have changed, the nodes have not. */
@@ -79,21 +80,28 @@ export class Interaction {
     if (!result || !this.#attention.pick(result, node)) return;
     const [from, to] = this.#attention.picks;
     if (from && to) surroundings.announce(`Distance ${distanceText(distances(result, from, to))}.`);
-    this.#emit("nodepick", [...this.#attention.picks]);
-    this.drawMarks();
+    else surroundings.announce(from ? `Picked node row ${from.i}, column ${from.j}.` : "No node is picked.");
+    this.#picksChanged();
   }
 
   clearPicks(): void {
     if (this.#attention.picks.length === 0) return;
     this.#attention.picks = [];
-    this.#emit("nodepick", []);
+    this.#scene.surroundings.announce("No node is picked.");
+    this.#picksChanged();
+  }
+
+  #picksChanged(): void {
+    const { picks } = this.#attention;
+    this.#scene.surroundings.tools.picks = picks.length;
+    this.#emit("nodepick", [...picks]);
     this.drawMarks();
   }
 
   screenOf(node: NodeRef, surface: Surface): ScreenPoint | null {
     const { result, drawing } = this.#scene;
     const figure = result && figureOf(result, node.structure, node.figure);
-    const point = figure?.[surface][node.i * figure.cols + node.j];
+    const point = figure?.[surface][indexOf(figure, node)];
     return point && drawing ? project(point, drawing.orbit.camera, drawing.stage.size) : null;
   }
 
@@ -174,10 +182,10 @@ export class Interaction {
   };
 }
 
-function markedOf(result: Result, { structure, figure, i, j }: NodeRef): Marked | null {
-  const found = figureOf(result, structure, figure);
-  if (!found) return null;
-  const node = i * found.cols + j;
-  const medial = found.medial[node];
-  return medial ? { medial, upper: found.upper[node] ?? null, lower: found.lower[node] ?? null } : null;
+function markedOf(result: Result, at: NodeRef): Marked | null {
+  const figure = figureOf(result, at.structure, at.figure);
+  if (!figure) return null;
+  const node = indexOf(figure, at);
+  const medial = figure.medial[node];
+  return medial ? { medial, upper: figure.upper[node] ?? null, lower: figure.lower[node] ?? null } : null;
 }

@@ -1,7 +1,8 @@
 import { cssColorOf } from "../model/colors";
-import { QUANTITIES, type Quantity, type Range, SIDES } from "../model/quantity";
+import { QUANTITIES, type Quantity, type Range } from "../model/quantity";
 import { figuresOf, type Result } from "../model/result";
 import { ticks } from "../model/scale";
+import { SURFACES } from "../model/thickness";
 import { make } from "./dom";
 
 const STOPS = 24;
@@ -24,6 +25,7 @@ export class Legend {
   #high = numberInput("Highest value of the colour scale");
   #reset = make("button", "", "Reset");
   #categories = make("ul", "categories");
+  #range: Range = [0, 1];
 
   /** `setRange` is called with what a person types; null is back to the range of the data. */
   constructor(setRange: (range: Range | null) => void) {
@@ -35,14 +37,15 @@ export class Legend {
       setRange(null);
       this.#low.focus();
     });
-    const change = () => {
-      const [low, high] = [this.#low.valueAsNumber, this.#high.valueAsNumber];
-      const good = high > low;
-      this.#high.setCustomValidity(good ? "" : "The highest value has to be above the lowest.");
-      if (good) setRange([low, high]);
-      else this.#high.reportValidity();
-    };
-    for (const input of [this.#low, this.#high]) input.addEventListener("change", change);
+    for (const input of [this.#low, this.#high]) {
+      input.addEventListener("change", () => {
+        const [low, high] = [this.#low.valueAsNumber, this.#high.valueAsNumber];
+        input.setCustomValidity(complaint(input.valueAsNumber, low, high));
+        if (input.reportValidity()) setRange([low, high]);
+      });
+      // What was refused is not left standing.
+      input.addEventListener("blur", () => this.#showRange());
+    }
     this.#form.append(this.#low, make("span", "", "to"), this.#high, this.#reset);
     this.element.append(this.#title, this.#bar, this.#ticks, this.#form, this.#categories);
     this.element.hidden = true;
@@ -63,18 +66,28 @@ export class Legend {
     this.#bar.style.background = `linear-gradient(to right, ${stops(quantity, range).join(", ")})`;
     this.#bar.setAttribute("aria-label", `Colours from ${low} to ${high}${unit ? ` ${unit}` : ""}`);
     this.#ticks.replaceChildren(...ticks(low, high, 4).map((value) => tick(value, (value - low) / (high - low))));
-    for (const [input, value] of [[this.#low, low] as const, [this.#high, high] as const]) {
-      input.valueAsNumber = Number(value.toPrecision(6));
-      input.step = "any";
-    }
-    this.#high.setCustomValidity("");
+    this.#range = range;
+    this.#showRange();
     this.#reset.hidden = !ownRange;
   }
+
+  #showRange(): void {
+    [this.#low, this.#high].forEach((input, n) => {
+      input.valueAsNumber = Number((this.#range[n] ?? 0).toPrecision(6));
+      input.setCustomValidity("");
+    });
+  }
+}
+
+/** What is wrong with what was typed for one end; empty when nothing is. */
+function complaint(typed: number, low: number, high: number): string {
+  if (Number.isNaN(typed)) return "A number is wanted.";
+  return high > low ? "" : "The lowest value has to be below the highest.";
 }
 
 /** Names of the categories, in the order of their values. */
 export function namesOf(result: Result, quantity: Quantity): string[] {
-  if (quantity === "side") return SIDES.map((side) => side.charAt(0).toUpperCase() + side.slice(1));
+  if (quantity === "side") return SURFACES.map((side) => side.charAt(0).toUpperCase() + side.slice(1));
   const labels = new Map(result.structures.map(({ index, label }) => [index, label]));
   return figuresOf(result).map(({ structure, index }) => `Label ${labels.get(structure)}, figure ${index}`);
 }

@@ -1,7 +1,7 @@
 import { type Camera, Ray, Vector3 } from "three";
 import type { GlbMesh } from "../model/glb";
-import { figuresOf, type NodeRef, type Result } from "../model/result";
-import type { Surface } from "../model/thickness";
+import { figureOf, figuresOf, type NodeRef, type Result, refOf } from "../model/result";
+import { SURFACES } from "../model/thickness";
 import type { Part } from "./merged";
 import type { ModelView } from "./model-view";
 import type { Shown } from "./shown";
@@ -47,7 +47,9 @@ export function nodeAt(
       const away = distanceOnScreen(project([x, y, z], camera, size), at);
       if (away >= nearest) continue;
       nearest = away;
-      found = refOf(result, mesh.structure, mesh.figure, mesh.nodes?.[vertex]);
+      const figure = mesh.figure === null ? null : figureOf(result, mesh.structure, mesh.figure);
+      const node = mesh.nodes?.[vertex];
+      found = figure && node !== undefined ? refOf(figure, node) : null;
     }
   }
   return found ?? nearestNode(at, shown, result, camera, size);
@@ -97,7 +99,7 @@ function nearestNode(at: ScreenPoint, shown: Shown, result: Result, camera: Came
         const distance = distanceOnScreen(point && project(point, camera, size), at);
         if (distance >= nearest) return;
         nearest = distance;
-        found = refOf(result, figure.structure, figure.index, node);
+        found = refOf(figure, node);
       });
     }
   }
@@ -107,11 +109,3 @@ function nearestNode(at: ScreenPoint, shown: Shown, result: Result, camera: Came
 function distanceOnScreen(place: ScreenPoint | null, at: ScreenPoint): number {
   return place ? Math.hypot(place.x - at.x, place.y - at.y) : Number.POSITIVE_INFINITY;
 }
-
-function refOf(result: Result, structure: number, figure: number | null, node: number | undefined): NodeRef | null {
-  const cols = figuresOf(result).find((f) => f.structure === structure && f.index === figure)?.cols;
-  if (figure === null || node === undefined || !cols) return null;
-  return { structure, figure, i: Math.floor(node / cols), j: node % cols };
-}
-
-const SURFACES: readonly Surface[] = ["medial", "upper", "lower"];

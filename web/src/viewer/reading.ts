@@ -2,7 +2,7 @@ import type { NodeInfo } from "../model/node-info";
 
 /** A length for people; the dash stands for one that is not known. */
 export function millimetres(value: number | null): string {
-  return value === null ? "–" : `${value.toFixed(2)} mm`;
+  return value === null ? "–" : `${value.toFixed(2).replace(/^-0\.00$/, "0.00")} mm`;
 }
 
 /** Name and value of what is read at a node, in order. */
@@ -12,9 +12,10 @@ export function readingOf(node: NodeInfo): [string, string][] {
     ["Lower", millimetres(node.lower_mm)],
     ["Total", millimetres(node.total_mm)],
   ];
+  if (node.sd_mm !== null) rows.push(["Standard deviation", millimetres(node.sd_mm)]);
   if (node.radius_mm !== null) rows.push(["Ball radius", millimetres(node.radius_mm)]);
   if (node.difference !== null) {
-    rows.push(["Difference", `${node.difference > 0 ? "+" : ""}${millimetres(node.difference)}`]);
+    rows.push(["Difference", `${node.difference >= 0.005 ? "+" : ""}${millimetres(node.difference)}`]);
   }
   rows.push(["Position", `${node.position.map((x) => x.toFixed(1).replace("-0.0", "0.0")).join(", ")} mm`]);
   return rows;

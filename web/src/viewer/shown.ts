@@ -1,6 +1,4 @@
-import { LAYERS, type Layer } from "../model/glb";
-
-export const DEFAULT_LAYERS: readonly Layer[] = ["object", "medial", "upper", "lower", "vectors"];
+import { DEFAULT_LAYERS, LAYERS, type Layer } from "../model/glb";
 
 export function isLayer(name: string): name is Layer {
   return (LAYERS as readonly string[]).includes(name);

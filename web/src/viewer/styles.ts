@@ -48,12 +48,14 @@ styles.replaceSync(`
 .ticks span::before { content: ""; display: block; width: 1px; height: 3px; margin: 0 auto -1px; background: currentColor; }
 .bounds { display: flex; align-items: center; gap: 6px; margin-top: 4px; }
 .bounds input { flex: 1 1 0; min-width: 0; width: 0; height: 24px; font: inherit; font-variant-numeric: tabular-nums; appearance: textfield; color: inherit; background: transparent; border: 1px solid color-mix(in srgb, currentColor 55%, transparent); border-radius: 4px; padding: 0 4px; }
-.bounds button, .gizmo button { font: inherit; color: inherit; border: 1px solid color-mix(in srgb, currentColor 55%, transparent); border-radius: 4px; background: transparent; cursor: pointer; }
+.bounds button, .gizmo button, .tools button { font: inherit; color: inherit; border: 1px solid color-mix(in srgb, currentColor 55%, transparent); border-radius: 4px; background: transparent; cursor: pointer; }
 .bounds button { height: 24px; }
 :is(button, input):focus-visible { outline: 2px solid AccentColor; outline-offset: 1px; }
 .categories { list-style: none; margin: 0; padding: 0; max-height: 9rem; overflow: auto; }
 .categories li { display: flex; align-items: center; gap: 6px; }
 .swatch { flex: none; width: 12px; height: 12px; border-radius: 2px; }
+.tools { position: absolute; left: 8px; top: 8px; display: flex; gap: 6px; }
+.tools button { min-height: 28px; padding: 0 10px; background: var(--viewer-background, light-dark(#fff, #1d2026)); }
 .gizmo { position: absolute; top: 4px; right: 4px; width: 96px; height: 96px; pointer-events: none; }
 .gizmo svg { position: absolute; inset: 0; }
 .gizmo line { stroke: currentColor; stroke-opacity: 0.45; }

@@ -4,9 +4,17 @@ import { make } from "./dom";
 import { Gizmo } from "./gizmo";
 import { KEYS_HELP } from "./keyboard";
 import { Legend } from "./legend";
+import { Tools } from "./tools";
 import { Tooltip } from "./tooltip";
 
 const HINT_MS = 1800;
+
+interface Actions {
+  setRange(range: Range | null): void;
+  lookFrom(side: Side): void;
+  fit(): void;
+  clearPicks(): void;
+}
 
 /** Everything of the element but the model: what lies over the picture and what describes it. */
 export class Surroundings {
@@ -17,12 +25,14 @@ export class Surroundings {
   readonly tooltip = new Tooltip();
   readonly legend: Legend;
   readonly gizmo: Gizmo;
+  readonly tools: Tools;
   #message = make("p", "message");
   #hint = make("p", "hint panel", "To zoom, click the picture first or hold Ctrl.");
   #live = make("p", "unseen");
   #hintTimer = 0;
 
-  constructor(actions: { setRange(range: Range | null): void; lookFrom(side: Side): void }) {
+  constructor(actions: Actions) {
+    this.tools = new Tools(actions.fit, actions.clearPicks);
     this.legend = new Legend(actions.setRange);
     this.gizmo = new Gizmo(actions.lookFrom);
     this.legend.element.classList.add("panel");
@@ -46,6 +56,7 @@ export class Surroundings {
     this.element.append(
       this.stage,
       this.#message,
+      this.tools.element,
       this.gizmo.element,
       this.legend.element,
       this.tooltip.element,

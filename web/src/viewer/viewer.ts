@@ -1,3 +1,4 @@
+import { cssOf } from "../model/colors";
 import type { GlbModel } from "../model/glb";
 import { fromGlb } from "../model/glb-result";
 import { type Quantity, type Range, rangeOf } from "../model/quantity";
@@ -33,7 +34,11 @@ export class Viewer {
   #fresh = false;
   #quantity: Quantity = "total";
   #ownRange: Range | null = null;
+  #defaultRange: Range | null = null;
   #theme: Theme = { background: [255, 255, 255], ink: [0, 0, 0], glass: [0, 0, 0] };
+  /** What has changed since the last frame: many changes at once are made good once. */
+  #reshowDue = false;
+  #repaintDue = false;
   /** Where the eye was when the element was taken out of the page. */
   #camera: CameraState | null = null;
   #resizes = new ResizeObserver(() => this.#resize());
@@ -46,6 +51,8 @@ export class Viewer {
         this.#emit("rangechange", range);
       },
       lookFrom: (side) => this.lookFrom(side),
+      fit: () => this.#drawing?.fit(true),
+      clearPicks: () => this.interaction.clearPicks(),
     });
     this.interaction = new Interaction(this, emit);
     this.surroundings.element.addEventListener("transitionend", (event) => {
@@ -115,6 +122,7 @@ export class Viewer {
     this.interaction.forget();
     this.surroundings.legend.element.hidden = true;
     this.surroundings.gizmo.element.hidden = true;
+    this.surroundings.tools.element.hidden = true;
   }
 
   /** In place of a model. */
@@ -142,9 +150,15 @@ export class Viewer {
     this.#repaint();
   }
 
+  set defaultRange(range: Range | null) {
+    this.#defaultRange = range;
+    this.#repaint();
+  }
+
   /** The range the colours have now. */
   get shownRange(): Range {
-    if (this.#ownRange || !this.#result) return this.#ownRange ?? [0, 1];
+    const given = this.#ownRange ?? this.#defaultRange;
+    if (given || !this.#result) return given ?? [0, 1];
     const visible = this.#result.structures.map(({ index }) => index).filter((index) => this.shown.structure(index));
     return rangeOf(this.#result, this.#quantity, new Set(visible));
   }
@@ -158,7 +172,7 @@ export class Viewer {
 
   /** To be called when `shown` has changed. */
   reshow(): void {
-    this.#drawing?.reshow();
+    this.#reshowDue = true;
     this.#repaint();
   }
 
@@ -178,6 +192,7 @@ export class Viewer {
     context.scale(picture.width / size.width, picture.height / size.height);
     this.interaction.drawMarksOn(context);
     drawLegend(context, { result: this.#result, legend: this.#legend, theme: this.#theme }, size.height);
+    if (this.#model?.space) this.surroundings.gizmo.drawOn(context, size.width, cssOf(this.#theme.ink));
     return toBlob(picture);
   }
 
@@ -194,6 +209,7 @@ export class Viewer {
     if (this.#camera) this.#drawing.orbit.state = this.#camera;
     this.interaction.start();
     gizmo.element.hidden = this.#model.space === null;
+    this.surroundings.tools.element.hidden = false;
     this.#retheme();
     this.#repaint();
     this.#stage.drawNow();
@@ -214,6 +230,7 @@ export class Viewer {
       this.#stage?.clear();
       return;
     }
+    this.#refresh(this.#drawing);
     this.#drawing.render();
     this.surroundings.gizmo.update(this.#drawing.orbit.camera);
     this.interaction.drawMarks();
@@ -240,9 +257,17 @@ export class Viewer {
   }
 
   #repaint(): void {
-    if (!this.#result) return;
-    this.surroundings.legend.update(this.#result, this.#legend);
-    this.#drawing?.view.paint(this.#result, this.#quantity, this.shownRange);
+    this.#repaintDue = true;
     this.#stage?.invalidate();
+  }
+
+  #refresh({ view }: Drawing): void {
+    if (this.#reshowDue) view.reshow();
+    if (this.#repaintDue && this.#result) {
+      this.surroundings.legend.update(this.#result, this.#legend);
+      view.paint(this.#result, this.#quantity, this.shownRange);
+    }
+    this.#reshowDue = false;
+    this.#repaintDue = false;
   }
 }

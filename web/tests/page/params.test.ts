@@ -1,40 +1,18 @@
-import { expect, test } from "vitest";
-import { assemble, type Field, fieldsOf, type Schema } from "../../src/page/params";
+import { beforeAll, expect, test } from "vitest";
+import { assemble, type Field, fieldsOf } from "../../src/page/params";
+import { startService } from "../support/service";
 
-/** Every form that a parameter is described in. */
-const SCHEMA: Schema = {
-  type: "object",
-  properties: {
-    labels: { type: "array", items: { type: "integer" }, maxItems: 3 },
-    grid: {
-      oneOf: [
-        {
-          type: "object",
-          properties: {
-            rows: { type: "integer", minimum: 3, maximum: 200 },
-            cols: { type: "integer", minimum: 3, maximum: 200 },
-          },
-        },
-        { type: "string", enum: ["auto"] },
-      ],
-      default: { rows: 6, cols: 8 },
-    },
-    margin: { type: "number", minimum: 0, maximum: 0.4, default: 0.05 },
-    neighbors: {
-      oneOf: [
-        { type: "string", enum: ["auto"] },
-        { type: "object", properties: { k: { type: "integer", minimum: 3, maximum: 500 } } },
-        { type: "object", properties: { epsilon_mm: { type: "number", minimum: 0.01, maximum: 1000 } } },
-      ],
-      default: "auto",
-    },
-    spacing_mm: { type: "number", minimum: 0.01, maximum: 1000 },
-  },
-};
-const FIELDS = fieldsOf(SCHEMA);
+let fields: Field[];
+
+beforeAll(async () => {
+  const service = await startService();
+  const limits = await (await fetch(`${service.url}/v1/limits`)).json();
+  fields = fieldsOf(limits.params);
+  await service.stop();
+});
 
 function fieldOf(name: string): Field {
-  const found = FIELDS.find((field) => field.name === name);
+  const found = fields.find((field) => field.name === name);
   if (found === undefined) throw new Error(name);
   return found;
 }
@@ -45,7 +23,17 @@ function filled(name: string, label: string, ...texts: string[]) {
 }
 
 test("a form that nobody touched sends nothing", () => {
-  expect(assemble(FIELDS, {})).toEqual({ params: {}, wrong: {} });
+  expect(assemble(fields, {})).toEqual({ params: {}, wrong: {} });
+});
+
+test("every parameter of the service has a field that says what it would take anyway", () => {
+  expect(fields.length).toBeGreaterThan(10);
+  for (const { name, about, variants, initial } of fields) {
+    expect(variants.length, name).toBeGreaterThan(0);
+    expect(about, name).not.toBe("");
+    const untouched = variants[initial.variant];
+    if (untouched?.kind === "number") expect(initial.texts[0], name).not.toBeUndefined();
+  }
 });
 
 test("defaults stand in the form", () => {
@@ -61,9 +49,13 @@ test("what was filled in is sent as the service reads it", () => {
     ...filled("margin", "a number", "0,1"),
     ...filled("neighbors", "epsilon_mm", "4"),
     ...filled("spacing_mm", "a number", "2.5"),
+    ...filled("landmarks", "all"),
+    ...filled("lattice", "regular"),
+    ...filled("prune", "a number", "0.5"),
   };
-  const params = { labels: [11, -3, 7], grid: "auto", margin: 0.1, neighbors: { epsilon_mm: 4 }, spacing_mm: 2.5 };
-  expect(assemble(FIELDS, form)).toEqual({ params, wrong: {} });
+  const numbers = { labels: [11, -3, 7], margin: 0.1, neighbors: { epsilon_mm: 4 }, spacing_mm: 2.5, prune: 0.5 };
+  const params = { ...numbers, grid: "auto", landmarks: "all", lattice: "regular" };
+  expect(assemble(fields, form)).toEqual({ params, wrong: {} });
 });
 
 test.each([
@@ -71,13 +63,14 @@ test.each([
   ["margin", "a number", [""]],
   ["margin", "a number", ["much"]],
   ["grid", "rows and cols", ["6", "7.5"]],
-  ["grid", "rows and cols", ["2", "8"]],
-  ["neighbors", "k", ["501"]],
-  ["labels", "these", ["1 2 3 4"]],
+  ["grid", "rows and cols", ["1", "8"]],
+  ["landmarks", "a whole number", ["20,000"]],
+  ["neighbors", "k", ["0"]],
+  ["prune", "a number", ["1.5"]],
   ["labels", "these", ["0"]],
   ["labels", "these", [""]],
 ])("%s (%s: %s) is told to be wrong", (name, label, texts) => {
-  const { params, wrong } = assemble(FIELDS, filled(name, label, ...texts));
+  const { params, wrong } = assemble(fields, filled(name, label, ...texts));
   expect(Object.keys(wrong)).toEqual([name]);
   expect(params).toEqual({});
 });

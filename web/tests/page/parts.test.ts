@@ -9,6 +9,7 @@ import { frameOf, nodeTree, place } from "../../src/page/flat";
 import { histogram } from "../../src/page/histogram";
 import { keyOf, parsePoints } from "../../src/page/points";
 import { bytes, duration } from "../../src/page/words";
+import { figure } from "../support/made-up";
 
 const HEAD = "structure,figure,surface,x_mm,y_mm,z_mm,u_mm,v_mm";
 
@@ -28,6 +29,15 @@ test("points in other columns are not taken for points", () => {
 test("each node stands for a quarter of the quads round it", () => {
   const flat: Point[] = [0, 1, 2].flatMap((i) => [0, 1, 2].map((j): Point => [2 * j, 3 * i, 0]));
   expect([...nodeAreas({ rows: 3, cols: 3 }, flat)]).toEqual([1.5, 3, 1.5, 3, 6, 3, 1.5, 3, 1.5]);
+  // The corners of a quad need not lie in a plane: its area is that between its diagonals, as the service has it.
+  const bent: Point[] = [
+    [0, 0, 0],
+    [1, 0, 0],
+    [0, 1, 0],
+    [1, 1, 2],
+  ];
+  const area = Math.hypot(-2, 2, -2) / 2;
+  expect(nodeAreas({ rows: 2, cols: 2 }, bent)[0]).toBeCloseTo(area / 4);
   const holed = flat.map((point, node) => (node === 0 ? null : point));
   expect(nodeAreas({ rows: 3, cols: 3 }, holed).reduce((sum, area) => sum + area)).toBe(18);
 });
@@ -56,10 +66,8 @@ test("the node nearest to a point of the plane is found within reach", () => {
   expect(nodes.find(2.5, 4, 2)).toBeUndefined();
 });
 
-function figure(structure: number, rows: number, cols: number, total: (number | null)[]): ResultFigure {
-  const none = { medial: [], upper: [], lower: [], upper_mm: [], lower_mm: [] };
-  const unknown = { radius_mm: null, distortion: null, intrinsic: null, difference: null };
-  return { structure, index: 0, order: 0, rows, cols, total_mm: total, ...none, ...unknown };
+function thick(structure: number, rows: number, cols: number, total_mm: (number | null)[]): ResultFigure {
+  return figure({ structure, rows, cols, total_mm });
 }
 
 function result(...structures: [label: number, figure: ResultFigure | null][]): Result {
@@ -74,8 +82,8 @@ function result(...structures: [label: number, figure: ResultFigure | null][]): 
 }
 
 test("structures are compared by label, node by node", () => {
-  const first = result([7, figure(0, 1, 3, [1, 2, null])], [9, figure(1, 1, 2, [4, 4])]);
-  const second = result([9, figure(0, 1, 2, [5, 3])], [7, figure(1, 1, 3, [1.5, 1, 8])]);
+  const first = result([7, thick(0, 1, 3, [1, 2, null])], [9, thick(1, 1, 2, [4, 4])]);
+  const second = result([9, thick(0, 1, 2, [5, 3])], [7, thick(1, 1, 3, [1.5, 1, 8])]);
   const found = difference(first, second);
   expect(found.ofFirst).toEqual([
     { structure: 0, figure: 0, values: [0.5, -1, null] },
@@ -87,8 +95,8 @@ test("structures are compared by label, node by node", () => {
 });
 
 test("what cannot be compared is named", () => {
-  const first = result([7, figure(0, 1, 2, [1, 1])], [8, figure(1, 1, 2, [1, 1])], [5, figure(2, 1, 2, [1, 1])]);
-  const second = result([7, figure(0, 2, 1, [1, 1])], [9, figure(1, 1, 2, [1, 1])], [5, null]);
+  const first = result([7, thick(0, 1, 2, [1, 1])], [8, thick(1, 1, 2, [1, 1])], [5, thick(2, 1, 2, [1, 1])]);
+  const second = result([7, thick(0, 2, 1, [1, 1])], [9, thick(1, 1, 2, [1, 1])], [5, null]);
   const { summary, left } = difference(first, second);
   expect(summary).toBeNull();
   expect(left).toEqual([
@@ -107,10 +115,13 @@ test("the curl lines hold the parameters, and a place for the token, never the t
     links: { self: "/v1/jobs/x" },
     results: [{ href: "/v1/jobs/x/results/model.glb" }],
   } as unknown as Job;
-  const lines = curlLines(job, "https://mask.example.org", true);
-  expect(lines).toContain(`-F mask=@mask.nii.gz -F 'params={"grid":"auto"}' 'https://mask.example.org/v1/jobs'`);
-  expect(lines).toContain("https://mask.example.org/v1/jobs/x/results/model.glb");
+  const lines = curlLines(job, "https://mask.example.org", true, null);
+  expect(lines).toContain(`-F 'mask=@mask.nii.gz' -F 'params={"grid":"auto"}' 'https://mask.example.org/v1/jobs'`);
+  expect(lines).toContain("'https://mask.example.org/v1/jobs/x/results/model.glb'");
   expect(lines.match(/\$TOKEN/g)).toHaveLength(3);
+  expect(curlLines(job, "http://h", false, "a'; touch pwned #")).toContain(
+    `'http://h/v1/samples/a'\\''; touch pwned #'`,
+  );
 });
 
 test("sizes and times are told in units for people", () => {

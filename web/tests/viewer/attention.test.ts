@@ -1,7 +1,7 @@
 import { expect, it } from "vitest";
 import { Attention } from "../../src/viewer/attention";
 import { Shown } from "../../src/viewer/shown";
-import { figure, resultOf } from "./made-up";
+import { figure, resultOf } from "../support/made-up";
 
 const result = resultOf(figure(), figure());
 const node = (i: number, j: number, structure = 0) => ({ structure, figure: 0, i, j });

@@ -4,14 +4,14 @@ import { fromGlb } from "../../src/model/glb-result";
 import { figuresOf, fromThickness } from "../../src/model/result";
 import type { Thickness } from "../../src/model/thickness";
 import { readGlb } from "../../src/viewer/read-glb";
-import { resultOf } from "./sample";
+import { sampleResult } from "../support/service";
 
 let glb: ArrayBuffer;
 let thickness: Thickness;
 let model: GlbModel;
 
 beforeAll(async () => {
-  ({ glb, thickness } = resultOf("wye"));
+  ({ glb, thickness } = sampleResult("wye"));
   model = await readGlb(glb);
 });
 
@@ -77,7 +77,7 @@ describe("thickness.json", () => {
     const figure = changed.structures[0]?.figures[0];
     if (figure) figure.valid[3] = false;
     const [first] = figuresOf(fromThickness(changed));
-    expect([first?.medial[3], first?.upper_mm[3], first?.radius_mm?.[3], first?.intrinsic?.[3]]).toEqual([
+    expect([first?.medial[3], first?.upper_mm[3], first?.radius_mm?.[3], first?.intrinsic?.upper[3]]).toEqual([
       null,
       null,
       null,

@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import { distances, type NodeInfo, nodeInfo, sameNode } from "../../src/model/node-info";
 import { withDifference } from "../../src/model/result";
-import { figure, resultOf } from "./made-up";
+import { figure, resultOf } from "../support/made-up";
 
 const node = (i: number, j: number, structure = 0) => ({ structure, figure: 0, i, j });
 const known = (info: NodeInfo | null): NodeInfo => {
@@ -18,6 +18,7 @@ describe("reading of a node", () => {
       lower_mm: 2.4,
       total_mm: 3.4,
       radius_mm: 1.7,
+      sd_mm: null,
       position: [1, 1, 0],
       difference: null,
     });

@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import { quantitiesOf, rangeOf, valuesOf } from "../../src/model/quantity";
 import { withDifference } from "../../src/model/result";
-import { figure, resultOf } from "./made-up";
+import { figure, resultOf } from "../support/made-up";
 
 describe("values", () => {
   it("total is the same on every surface", () => {

@@ -1,5 +1,7 @@
 import type { Result, ResultFigure } from "../../src/model/result";
-import type { Point } from "../../src/model/thickness";
+import type { Flat, Point } from "../../src/model/thickness";
+
+const PLANE: (Flat | null)[] = [[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], null];
 
 /** A figure of 2 × 3 nodes on the plane z = 0, upper 1 mm above, lower 2 mm below; its last node is not known. */
 export function figure(changes: Partial<ResultFigure> = {}): ResultFigure {
@@ -17,9 +19,10 @@ export function figure(changes: Partial<ResultFigure> = {}): ResultFigure {
     upper_mm: [1, 1, 1, 1, 1, null],
     lower_mm: [2, 2, 2, 2, 2.4, null],
     total_mm: [3, 3, 3, 3, 3.4, null],
+    sd_mm: null,
     radius_mm: [1.5, 1.5, 1.5, 1.5, 1.7, null],
     distortion: [-0.3, 0.1, 0, 0, 0.1, null],
-    intrinsic: [[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], null],
+    intrinsic: { medial: PLANE, upper: PLANE, lower: PLANE },
     difference: null,
     ...changes,
   };

@@ -4,7 +4,7 @@ import { readFileSync } from "node:fs";
 import type { Page } from "playwright-core";
 import { PNG } from "pngjs";
 import type { MedialViewer, NodeRef, Surface } from "../../src/viewer";
-import { modelShown } from "./harness";
+import { modelShown } from "./service";
 
 /** Chooses a sample and sends it; returns when its job is shown. */
 export async function sendSample(page: Page, name: string): Promise<void> {

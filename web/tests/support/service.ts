@@ -1,4 +1,4 @@
-/** A service of its own and a browser for the tests of the page. */
+/** The program, as a command and as a service, and a browser, for the tests. */
 
 import { type ChildProcess, execFileSync, spawn } from "node:child_process";
 import { once } from "node:events";
@@ -7,9 +7,11 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { createInterface } from "node:readline";
 import { type Browser, chromium, type Page } from "playwright-core";
+import { afterAll } from "vitest";
+import type { Thickness } from "../../src/model/thickness";
 
 const PROGRAM = process.env.MEDIALREP_PROGRAM ?? "../target/debug/medialrep";
-const BROWSERS = [process.env.BROWSER, "/usr/bin/chromium", "/usr/bin/google-chrome"];
+const BROWSERS = [process.env.MEDIALREP_BROWSER, "/usr/bin/chromium", "/usr/bin/google-chrome"];
 
 export interface Service {
   url: string;
@@ -18,7 +20,10 @@ export interface Service {
 }
 
 /** Starts the program on a port of its own. */
-export async function startService(options: string[] = [], dataDir = scratch()): Promise<Service> {
+export async function startService(
+  options: string[] = [],
+  dataDir = mkdtempSync(join(tmpdir(), "medialrep-web-")),
+): Promise<Service> {
   const { MEDIALREP_WORKERS = "1", ...inherited } = process.env;
   const server = spawn(PROGRAM, ["serve", "--log-format", "json", "--data-dir", dataDir, ...options], {
     env: { ...inherited, MEDIALREP_WORKERS, MEDIALREP_LISTEN: "127.0.0.1:0", MEDIALREP_MIN_FREE_MIB: "0" },
@@ -49,8 +54,11 @@ function firstLine(server: ChildProcess): Promise<string> {
   });
 }
 
+/** A folder that goes with the tests of its file. */
 export function scratch(): string {
-  return mkdtempSync(join(tmpdir(), "medialrep-page-"));
+  const dir = mkdtempSync(join(tmpdir(), "medialrep-web-"));
+  afterAll(() => rmSync(dir, { recursive: true, force: true }));
+  return dir;
 }
 
 /** Runs the program and gives what it prints. */
@@ -73,6 +81,19 @@ export function startBrowser(): Promise<Browser> {
   return chromium.launch({ executablePath, args });
 }
 
+/** What the program makes of one of its samples. */
+export function sampleResult(name: string): { glb: ArrayBuffer; thickness: Thickness } {
+  const dir = mkdtempSync(join(tmpdir(), "medialrep-web-"));
+  try {
+    run("run", sampleFile(dir, name), "--out", join(dir, "result"));
+    const bytes = readFileSync(join(dir, "result", "model.glb"));
+    const glb = bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.byteLength) as ArrayBuffer;
+    return { glb, thickness: JSON.parse(readFileSync(join(dir, "result", "thickness.json"), "utf8")) };
+  } finally {
+    rmSync(dir, { recursive: true });
+  }
+}
+
 /** Sends a mask as any client would; the job once it has ended. */
 export async function finishedJob(service: Service, mask: string, params: object = {}) {
   const query = new URLSearchParams({ params: JSON.stringify(params) });
@@ -83,32 +104,8 @@ export async function finishedJob(service: Service, mask: string, params: object
   return job;
 }
 
-export async function resultOf(service: Service, id: string) {
+export async function resultOf(service: Service, id: string): Promise<Thickness> {
   return (await fetch(`${service.url}/v1/jobs/${id}/results/thickness.json`)).json();
-}
-
-/** What the page must never do, noted while it is used. */
-export interface Watch {
-  /** Requests to other servers. */
-  foreign: string[];
-  /** Errors of scripts, and what the content security policy stopped. */
-  errors: string[];
-}
-
-export function watch(page: Page, service: Service): Watch {
-  const noted: Watch = { foreign: [], errors: [] };
-  page.on("request", (request) => {
-    const url = new URL(request.url());
-    if (!["data:", "blob:"].includes(url.protocol) && url.origin !== service.url) noted.foreign.push(request.url());
-  });
-  page.on("pageerror", (error) => noted.errors.push(String(error)));
-  page.on("console", (message) => {
-    // Answers that are refusals are logged by the browser itself.
-    if (message.type() === "error" && !message.text().startsWith("Failed to load resource")) {
-      noted.errors.push(message.text());
-    }
-  });
-  return noted;
 }
 
 /** The job of an address such as `…/#/jobs/{id}`. */
