@@ -26,7 +26,11 @@ for _ in $(seq 100); do
 done
 
 job=$(curl -sf -D - -o /dev/null --data-binary "@$mask" \
-    "$url/v1/jobs?labels=%7B%22sample%22%3A%22$sample%22%7D" | tr -d '\r' | sed -n 's/^[Ll]ocation: //p')
+    "$url/v1/jobs?labels=%7B%22sample%22%3A%22$sample%22%7D" | tr -d '\r' | sed -n 's/^[Ll]ocation: //p') || true
+if [ -z "$job" ]; then
+    echo "medialrep is running at $url. The sample was refused: if ./data has tokens, the page asks for one."
+    wait "$server"
+fi
 state=queued
 for _ in $(seq 300); do
     state=$(curl -sf "$url$job" | sed -n 's/.*"state":"\([a-z]*\)".*/\1/p')

@@ -10,7 +10,7 @@ make --no-print-directory web || exit 1
 (cd tests/tools && npm ci --silent --no-fund --no-audit) || exit 1
 
 # The page is tested in a browser.
-browser=$(command -v chromium || command -v google-chrome || true)
+browser=${MEDIALREP_BROWSER:-$(command -v chromium || command -v google-chrome || true)}
 if [ -z "$browser" ]; then
     [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null || fail "needs chromium: apt-get install chromium"
     echo "installing chromium ..."
@@ -26,7 +26,7 @@ status=$?
 # With a filter, the tests of the page are left out.
 if [ $# -eq 0 ]; then
     program=$(cargo build --locked --message-format=json 2>/dev/null | sed -n 's/.*"executable":"\([^"]*\/medialrep\)".*/\1/p')
-    (cd web && MEDIALREP_PROGRAM=$program BROWSER=$browser NO_COLOR=1 npm test --silent) 2>&1 | tee -a "$log" || status=1
+    (cd web && MEDIALREP_PROGRAM=$program MEDIALREP_BROWSER=$browser NO_COLOR=1 npm test --silent) 2>&1 | tee -a "$log" || status=1
 fi
 awk '
     /^test result:/ { passed += $4; failed += $6 }
