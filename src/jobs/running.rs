@@ -113,8 +113,9 @@ mod tests {
     fn structures_side_by_side_never_take_progress_back() {
         let mut told = Told::default();
         let mut before = 0.0;
-        let news = [(2, Stage::Quality, 0.5), (0, Stage::Mask, 0.1), (1, Stage::Isomap, 1.0), (1, Stage::Lattice, 0.2)];
-        for (structure, stage, fraction) in news.into_iter().chain([(1, Stage::Isomap, 0.5), (2, Stage::Quality, 1.0)]) {
+        let begun = [(2, Stage::Quality, 0.5), (0, Stage::Mask, 0.1), (1, Stage::Isomap, 1.0)];
+        let again = [(1, Stage::Lattice, 0.2), (1, Stage::Isomap, 0.5), (2, Stage::Quality, 1.0)];
+        for (structure, stage, fraction) in begun.into_iter().chain(again) {
             told.tell(structure, 3, stage, fraction);
             assert!(told.last.fraction >= before, "{structure} {stage:?} {fraction}");
             assert_eq!((told.last.structure, told.last.stage), (structure, Some(stage)));
