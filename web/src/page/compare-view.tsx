@@ -13,6 +13,8 @@ import { Style, View } from "./view";
 import { Viewer } from "./viewer";
 import { nameOf, number, plural } from "./words";
 
+const SIDES = ["First", "Second"];
+
 /** Two jobs side by side: one camera, one set of layers, and where they differ. */
 export function CompareView({ ids }: { ids: [string, string] }) {
   const [first, second] = [useSide(ids[0]), useSide(ids[1])];
@@ -32,11 +34,11 @@ export function CompareView({ ids }: { ids: [string, string] }) {
         {sides.map(
           ({ job, view, loaded }, at) =>
             loaded && (
-              <section key={job.id} aria-label={at === 0 ? "First job" : "Second job"}>
+              <section key={SIDES[at]} aria-label={`${SIDES[at]} job`}>
                 <h3>
                   <a href={href({ at: "job", id: job.id })}>{titleOf(job)}</a>
                 </h3>
-                <Viewer glb={loaded.glb} view={view} label={`${at === 0 ? "First" : "Second"} job, ${nameOf(job)}`} />
+                <Viewer glb={loaded.glb} view={view} label={`${SIDES[at]} job, ${nameOf(job)}`} />
               </section>
             ),
         )}
