@@ -132,9 +132,14 @@ function extent(plane: (Flat | null)[]): number {
   return us.length === 0 ? 0 : us.reduce((a, b) => Math.max(a, b)) - us.reduce((a, b) => Math.min(a, b));
 }
 
+/** A round length that is at most 110 px long and at least a third of that. */
+export function barMm(pxPerMm: number): number {
+  return ticks(0, 110 / pxPerMm, 2).at(-1) ?? 0;
+}
+
 /** A bar of a round length. */
 function drawScale(context: CanvasRenderingContext2D, { frame, ink }: Drawing): void {
-  const length = ticks(0, 110 / frame.scale, 1).at(-1) ?? 0;
+  const length = barMm(frame.scale);
   const bottom = context.canvas.clientHeight - 6;
   context.strokeStyle = ink;
   context.fillStyle = ink;

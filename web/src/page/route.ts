@@ -33,7 +33,10 @@ addEventListener("hashchange", () => {
 
 /** Leads the keyboard and screen readers to what the address names. */
 export function showMain(): void {
-  document.getElementById("main")?.focus();
+  const main = document.getElementById("main");
+  main?.focus({ preventScroll: true });
+  const top = main?.getBoundingClientRect().top ?? 0;
+  if (top < 0 || top > innerHeight / 2) main?.scrollIntoView();
 }
 
 export function go(to: Route): void {

@@ -204,6 +204,18 @@ test("what the page weighs, and how soon a result is seen", async () => {
   expect(seconds).toBeLessThan(6);
 });
 
+test("a job that is chosen comes into view, and nothing moves when it is", async () => {
+  const page = await pages.open({ viewport: { width: 375, height: 700 } });
+  await openJob(page, pages.service.url, pages.bent.id);
+  expect(await page.evaluate(() => scrollY)).toBe(0);
+  await page.locator(".job-link").last().scrollIntoViewIfNeeded();
+  await page.locator(".job-link").last().click();
+  const top = () => page.evaluate(() => document.getElementById("main")?.getBoundingClientRect().top);
+  await page.locator(".job-link").first().click();
+  await expect.poll(top).toBeLessThan(350);
+  expect(await top()).toBeGreaterThan(-1);
+});
+
 test("the keyboard stays near what was done", async () => {
   const page = await pages.open();
   const { id } = await finishedJob(pages.service, sampleFile(pages.files, "slab"), { margin: 0.2 });

@@ -5,7 +5,7 @@ import type { Point } from "../../src/model/thickness";
 import { nodeAreas } from "../../src/page/area";
 import { curlLines } from "../../src/page/curl";
 import { difference } from "../../src/page/difference";
-import { frameOf, nodeTree, place } from "../../src/page/flat";
+import { barMm, frameOf, nodeTree, place } from "../../src/page/flat";
 import { histogram } from "../../src/page/histogram";
 import { keyOf, parsePoints } from "../../src/page/points";
 import { bytes, duration } from "../../src/page/words";
@@ -58,6 +58,15 @@ test("a frame shows everything at one scale, v upward", () => {
   expect(frame.scale).toBe(10);
   expect(place(frame, [0, 0])).toEqual([18, 168]);
   expect(place(frame, [20, 10])).toEqual([218, 68]);
+});
+
+test("the bar of the scale has a round length that can be seen", () => {
+  for (const scale of [0.013, 0.4, 1, 3.7, 11, 13.75, 14, 55, 900]) {
+    const mm = barMm(scale);
+    expect(mm * scale, `${scale}`).toBeGreaterThan(35);
+    expect(mm * scale, `${scale}`).toBeLessThanOrEqual(110);
+    expect(Number(mm.toPrecision(2))).toBe(mm);
+  }
 });
 
 test("the node nearest to a point of the plane is found within reach", () => {
