@@ -5,7 +5,6 @@ import type { components } from "./schema";
 
 type Schemas = components["schemas"];
 export type Job = Schemas["Job"];
-export type JobState = Schemas["JobState"];
 export type Progress = Schemas["Progress"];
 export type Problem = Schemas["Problem"];
 export type Limits = Schemas["Limits"];
@@ -27,11 +26,11 @@ export class Refused extends Error {
 }
 
 /** A problem that the service did not tell: it was not reached, or something in between answered. */
-export function strange(title: string, detail: string, status = 0): Problem {
+function strange(title: string, detail: string, status = 0): Problem {
   return { type: "about:blank", code: "no_answer", title, detail, status, retryable: true };
 }
 
-export function headers(more: Record<string, string> = {}): Record<string, string> {
+function headers(more: Record<string, string> = {}): Record<string, string> {
   const shown = token.peek();
   return shown === null ? more : { ...more, Authorization: `Bearer ${shown}` };
 }
@@ -56,7 +55,7 @@ export function problemOf(error: unknown): Problem {
 }
 
 /** The problem in an answer; one of our own when something between here and the service answered. */
-export function readProblem(status: number, body: string): Problem {
+function readProblem(status: number, body: string): Problem {
   try {
     const problem = JSON.parse(body);
     if (typeof problem.code === "string" && typeof problem.detail === "string") return problem;
@@ -67,7 +66,7 @@ export function readProblem(status: number, body: string): Problem {
 }
 
 /** Asks for a token when that is what is wrong. */
-export function noteRefusal(problem: Problem): Problem {
+function noteRefusal(problem: Problem): Problem {
   if (problem.status === 401) tokenWanted.value = problem;
   return problem;
 }
@@ -91,7 +90,7 @@ export const deleteJob = (job: Job) => call(job.links.self, { method: "DELETE" }
 export const fetchJobs = (limit: number, cursor?: string) =>
   json<JobList>(`/v1/jobs?limit=${limit}${cursor === undefined ? "" : `&cursor=${encodeURIComponent(cursor)}`}`);
 
-export interface Submission {
+interface Submission {
   mask: Blob;
   params: Record<string, unknown>;
   labels: Record<string, string>;
@@ -131,6 +130,6 @@ export function fetchResult(job: Job, name: string, signal?: AbortSignal): Promi
   return call(resultPath(job, name), signal === undefined ? {} : { signal });
 }
 
-export function resultPath(job: Job, name: string): string {
+function resultPath(job: Job, name: string): string {
   return job.results.find((file) => file.name === name)?.href ?? `${job.links.self}/results/${name}`;
 }

@@ -5,12 +5,12 @@ import { type Numbers, SURFACES, type Surface } from "./thickness";
 /** What the nodes are coloured by. */
 export type Quantity = "total" | "each" | "radius" | "side" | "figure" | "distortion" | "uncertainty" | "difference";
 
-export type Kind = "sequential" | "diverging" | "categorical";
+type Kind = "sequential" | "diverging" | "categorical";
 
 /** Lowest and highest value of a colour scale. */
 export type Range = [number, number];
 
-export interface QuantityInfo {
+interface QuantityInfo {
   /** For people. */
   label: string;
   unit: "mm" | null;

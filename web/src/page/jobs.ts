@@ -50,7 +50,7 @@ function forget(...ids: string[]): void {
 }
 
 /** The newest jobs anew: others may have sent or erased some. */
-export async function refresh(): Promise<void> {
+async function refresh(): Promise<void> {
   const [before, asked] = [known.peek(), token.peek()];
   try {
     const { jobs: newest, next_cursor } = await fetchJobs(PAGE);

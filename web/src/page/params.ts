@@ -91,10 +91,10 @@ function isRecord(value: unknown): value is Record<string, unknown> {
   return typeof value === "object" && value !== null && !Array.isArray(value);
 }
 
-export type Read = { value: unknown } | { wrong: string };
+type Read = { value: unknown } | { wrong: string };
 
 /** The value of a field, or what is wrong with what was filled in. */
-export function read(field: Field, filled: Filled): Read {
+function read(field: Field, filled: Filled): Read {
   const variant = field.variants[filled.variant];
   switch (variant?.kind) {
     case "number":

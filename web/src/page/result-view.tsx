@@ -64,7 +64,7 @@ interface FoldProps {
   children: ComponentChildren;
 }
 
-export function Fold({ title, beside, isClosed = false, children }: FoldProps) {
+function Fold({ title, beside, isClosed = false, children }: FoldProps) {
   return (
     <details class="fold" open={!isClosed}>
       <summary>

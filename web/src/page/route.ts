@@ -8,7 +8,7 @@ const ID = "[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}";
 const JOB = new RegExp(`^#/jobs/(${ID})$`);
 const COMPARE = new RegExp(`^#/compare/(${ID})/(${ID})$`);
 
-export function parse(hash: string): Route {
+function parse(hash: string): Route {
   const job = JOB.exec(hash)?.[1];
   if (job !== undefined) return { at: "job", id: job };
   const [, first, second] = COMPARE.exec(hash) ?? [];

@@ -33,7 +33,7 @@ export function titleOf(job: Job): string {
   return fileNames.value.get(job.id) ?? nameOf(job);
 }
 
-export interface Sending {
+interface Sending {
   key: number;
   name: string;
   /** Share sent, 0 to 1; null while a sample is fetched. */
@@ -43,7 +43,7 @@ export interface Sending {
 
 export const sendings = signal<Sending[]>([]);
 /** Names of files by job: kept in memory only, and never sent, for they may name a patient. */
-export const fileNames = signal<ReadonlyMap<string, string>>(new Map());
+const fileNames = signal<ReadonlyMap<string, string>>(new Map());
 
 /** How long to wait for a service that does not answer, ms. */
 const AGAIN_MS = 5000;

@@ -2,7 +2,7 @@ import type { Structure, Thickness, Verdict } from "../model/thickness";
 import { plural } from "./words";
 
 /** A refused structure has no verdict of its own: there is nothing to judge. */
-export type Judged = Verdict | "none";
+type Judged = Verdict | "none";
 
 const WORDS: Record<Judged, string> = { pass: "pass", warn: "warn", fail: "fail", none: "refused" };
 const ORDER: Judged[] = ["pass", "warn", "none", "fail"];

@@ -31,7 +31,7 @@ export const SIDE_DIRECTIONS: Readonly<Record<Side, Point>> = {
 const FIELD_DEGREES = 30;
 const MARGIN = 1.12;
 
-export interface CameraFollower {
+interface CameraFollower {
   /** Is told whether that is news: not where the state was set, or it was fitted to a model or a size. */
   moved(news: boolean): void;
   /** A finger or a button has gone down or up again. */

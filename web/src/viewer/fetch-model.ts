@@ -1,6 +1,6 @@
 import type { Thickness } from "../model/thickness";
 
-export interface Source {
+interface Source {
   src: string;
   numbers: string | null;
   token: string | null;

@@ -11,7 +11,7 @@ export interface Marked {
   lower: Point | null;
 }
 
-export interface Marks {
+interface Marks {
   hovered: Marked | null;
   picks: readonly NodeInfo[];
   /** Beside the line between two picks. */

@@ -3,7 +3,7 @@ import type { ScreenPoint } from "./picking";
 /** How far a click may slide, CSS pixels. */
 const SLACK = { mouse: 4, touch: 10 };
 
-export interface PointerActions {
+interface PointerActions {
   /** At most once per frame; null when the pointer has left. */
   hover(at: ScreenPoint | null): void;
   click(at: ScreenPoint): void;

@@ -1,7 +1,7 @@
 import type { NodeInfo } from "../model/node-info";
 
 /** A length for people; the dash stands for one that is not known. */
-export function millimetres(value: number | null): string {
+function millimetres(value: number | null): string {
   return value === null ? "–" : `${value.toFixed(2).replace(/^-0\.00$/, "0.00")} mm`;
 }
 

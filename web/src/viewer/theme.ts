@@ -1,6 +1,5 @@
+import type { Rgb } from "../model/colors";
 import { rgbOf } from "./dom";
-
-type Rgb = [number, number, number];
 
 /** The colours of the page round the model, sRGB, 0 to 255. */
 export interface Theme {

@@ -14,6 +14,13 @@ function stateOf(page: Page) {
   return expect.poll(() => page.locator(".job-view .state").textContent(), { timeout: 30_000 });
 }
 
+/** Presses Delete, and again when it asks. */
+async function eraseShown(page: Page): Promise<void> {
+  const view = page.locator(".job-view");
+  await view.getByRole("button", { name: /^Delete/ }).click();
+  await view.getByRole("button", { name: /^Erase it/ }).click();
+}
+
 async function setUncertainty(page: Page, repeats: number): Promise<void> {
   await page.getByText("Parameters", { exact: false }).first().click();
   await page.getByLabel("uncertainty", { exact: true }).last().fill(String(repeats));

@@ -5,7 +5,7 @@ import { afterAll, afterEach, beforeAll, expect } from "vitest";
 import type { Thickness } from "../../src/model/thickness";
 import { finishedJob, resultOf, type Service, sampleFile, scratch, startBrowser, startService } from "./service";
 
-export interface Pages {
+interface Pages {
   service: Service;
   /** For masks; it goes with the tests. */
   files: string;
