@@ -57,14 +57,7 @@ test("a job is opened by its link, and erased", async () => {
   const page = await pages.open();
   const { id } = await finishedJob(pages.service, sampleFile(pages.files, "slab"), { margin: 0.1 });
   await openJob(page, pages.service.url, id);
-  await page
-    .locator(".job-view")
-    .getByRole("button", { name: /^Delete/ })
-    .click();
-  await page
-    .locator(".job-view")
-    .getByRole("button", { name: /^Erase it/ })
-    .click();
+  await eraseShown(page);
   await page.waitForURL(/#\/$/);
   expect((await fetch(`${pages.service.url}/v1/jobs/${id}`)).status).toBe(404);
   await page.goto(`${pages.service.url}/#/jobs/${id}`);
@@ -244,14 +237,7 @@ test("an erase that is refused leaves the job where it is", async () => {
       ? route.fulfill({ status: 403, json: { code: "scope_missing", detail: "the token may only read" } })
       : route.continue(),
   );
-  await page
-    .locator(".job-view")
-    .getByRole("button", { name: /^Delete/ })
-    .click();
-  await page
-    .locator(".job-view")
-    .getByRole("button", { name: /^Erase it/ })
-    .click();
+  await eraseShown(page);
   await page.getByText("It could not be erased").waitFor();
   expect(page.url()).toContain(pages.bent.id);
   await page.getByRole("button", { name: "Dismiss" }).click();
