@@ -214,8 +214,8 @@ test("a job that is chosen comes into view, and nothing moves when it is", async
   await other.click();
   const isInView = () =>
     page.evaluate(() => {
-      const top = document.getElementById("main")?.getBoundingClientRect().top ?? -1;
-      return top >= 0 && top < innerHeight / 2;
+      const top = document.getElementById("main")?.getBoundingClientRect().top ?? Number.NaN;
+      return top > -1 && top < innerHeight / 2;
     });
   await expect.poll(isInView).toBe(true);
 });
