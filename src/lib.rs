@@ -15,7 +15,8 @@
 //! ```
 //!
 //! `jobs::process` is that line from file to files. `medialrep run` calls it once; the service
-//! calls it from its workers.
+//! calls it from its workers. The page that people see is in `web`: npm builds it, `http::web` serves
+//! it, and it knows of the service what `openapi.yaml` says.
 //!
 //! Dependencies point one way: `cli → http → jobs → {audit, webhook, formats, pipeline} → numerics → space`.
 //! `pipeline`, `numerics` and `space` know no web framework, no serialisation, no file system and
