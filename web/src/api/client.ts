@@ -37,6 +37,7 @@ function headers(more: Record<string, string> = {}): Record<string, string> {
 
 /** @throws Refused when the service is not reached or answers with a problem. */
 export async function call(path: string, init: RequestInit & { headers?: Record<string, string> } = {}) {
+  const shown = token.peek();
   let response: Response;
   try {
     response = await fetch(path, { ...init, headers: headers(init.headers) });
@@ -44,7 +45,8 @@ export async function call(path: string, init: RequestInit & { headers?: Record<
     if (init.signal?.aborted) throw error;
     throw new Refused(strange("The service cannot be reached", "No answer came. Is it running, and the network up?"));
   }
-  if (!response.ok) throw new Refused(noteRefusal(readProblem(response.status, await response.text().catch(() => ""))));
+  if (!response.ok)
+    throw new Refused(noteRefusal(readProblem(response.status, await response.text().catch(() => "")), shown));
   return response;
 }
 
@@ -65,9 +67,10 @@ function readProblem(status: number, body: string): Problem {
   return strange("An answer that the service does not give", `Status ${status}; a proxy may have sent it.`, status);
 }
 
-/** Asks for a token when that is what is wrong. */
-function noteRefusal(problem: Problem): Problem {
-  if (problem.status === 401) tokenWanted.value = problem;
+/** Asks for a token when the one that was shown is what is wrong. */
+function noteRefusal(problem: Problem, shown: string | null): Problem {
+  // Of a token that is not used any more it is no news.
+  if (problem.status === 401 && token.peek() === shown) tokenWanted.value = problem;
   return problem;
 }
 
@@ -103,6 +106,7 @@ interface Submission {
  * that has been sent; fetch would not tell.
  */
 export function submit({ mask, params, labels, anew }: Submission, onSent: (share: number) => void): Promise<Job> {
+  const shown = token.peek();
   const request = new XMLHttpRequest();
   request.open("POST", "/v1/jobs");
   for (const [name, value] of Object.entries(headers(anew ? { "Cache-Control": "no-cache" } : {}))) {
@@ -117,7 +121,7 @@ export function submit({ mask, params, labels, anew }: Submission, onSent: (shar
   return new Promise((resolve, reject) => {
     request.onload = () => {
       if (request.status === 202) resolve(JSON.parse(request.responseText));
-      else reject(new Refused(noteRefusal(readProblem(request.status, request.responseText))));
+      else reject(new Refused(noteRefusal(readProblem(request.status, request.responseText), shown)));
     };
     request.onerror = () =>
       reject(new Refused(strange("The mask could not be sent", "The connection ended before there was an answer.")));

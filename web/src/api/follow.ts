@@ -1,13 +1,15 @@
 /** Follows a job until it ends: by its events, or by asking when they do not come through. */
 
 import { EventSourceParserStream } from "eventsource-parser/stream";
-import { call, fetchJob, type Job, type Progress, Refused } from "./client";
+import { call, fetchJob, type Job, type Problem, type Progress, Refused } from "./client";
 
 interface Listener {
   onJob(job: Job): void;
   onProgress(progress: Progress): void;
   /** It was deleted. */
   onGone(): void;
+  /** The service is not reached; it is tried again. */
+  onTrouble(problem: Problem): void;
 }
 
 /** How often in a row a stream may end without an event before the job is asked for instead. */
@@ -15,6 +17,8 @@ const TRIES = 2;
 /** How often it is asked for before a stream is tried again. */
 const POLLS = 10;
 const PAUSE_MS = 1000;
+/** Between tries while the service is not reached, at most. */
+const LONG_PAUSE_MS = 10_000;
 /** The first event comes at once: a stream that is silent for so long is kept back by a proxy. */
 const SILENCE_MS = 5000;
 
@@ -24,9 +28,10 @@ export function hasEnded(job: Job): boolean {
 
 /** Returns when the job has ended, is gone, may not be seen, or `signal` is aborted. */
 export async function follow(id: string, listener: Listener, signal: AbortSignal): Promise<void> {
-  let [failures, polls, lastId] = [0, 0, ""];
+  let [failures, polls, lastId, pauseMs] = [0, 0, "", PAUSE_MS];
   while (!signal.aborted) {
     try {
+      pauseMs = Math.min(2 * pauseMs, LONG_PAUSE_MS);
       if (polls > 0) {
         polls--;
         if (polls === 0) failures = TRIES - 1;
@@ -39,15 +44,18 @@ export async function follow(id: string, listener: Listener, signal: AbortSignal
         lastId = heard.lastId;
         failures = heard.events > 0 ? 0 : failures + 1;
       }
+      pauseMs = PAUSE_MS;
     } catch (error) {
       if (signal.aborted) return;
       if (error instanceof Refused && error.problem.status === 404) return listener.onGone();
       // Without being allowed to, asking again does not help.
       if (error instanceof Refused && [401, 403].includes(error.problem.status)) return;
       failures++;
+      if (error instanceof Refused && error.problem.status === 0) listener.onTrouble(error.problem);
+      else pauseMs = PAUSE_MS;
     }
     if (polls === 0 && failures >= TRIES) polls = POLLS;
-    await pause(signal);
+    await pause(pauseMs, signal);
   }
 }
 
@@ -116,14 +124,14 @@ async function pass(
   }
 }
 
-function pause(signal: AbortSignal): Promise<void> {
+function pause(ms: number, signal: AbortSignal): Promise<void> {
   return new Promise((resolve) => {
     const end = () => {
       clearTimeout(timer);
       signal.removeEventListener("abort", end);
       resolve();
     };
-    const timer = setTimeout(end, PAUSE_MS);
+    const timer = setTimeout(end, ms);
     signal.addEventListener("abort", end);
   });
 }

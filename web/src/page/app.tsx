@@ -79,9 +79,9 @@ function Shown() {
   const at = route.value;
   switch (at.at) {
     case "job":
-      return <JobView id={at.id} />;
+      return <JobView key={at.id} id={at.id} />;
     case "compare":
-      return <CompareView ids={at.ids} />;
+      return <CompareView key={at.ids.join()} ids={at.ids} />;
     default:
       return <Start />;
   }

@@ -1,5 +1,6 @@
 import { useMemo } from "preact/hooks";
-import type { Job } from "../api/client";
+import type { Job, Problem } from "../api/client";
+import { hasEnded } from "../api/follow";
 import type { Result } from "../model/result";
 import { type Difference, difference } from "./difference";
 import { useJob } from "./job-view";
@@ -11,7 +12,7 @@ import { titleOf } from "./send";
 import { StructurePanel } from "./structure-panel";
 import { Style, View } from "./view";
 import { Viewer } from "./viewer";
-import { nameOf, number, plural } from "./words";
+import { nameOf, number, plural, stateOf } from "./words";
 
 const SIDES = ["First", "Second"];
 
@@ -64,19 +65,15 @@ function useSide(id: string) {
   return { job, loaded: result.loaded, problem: problem ?? result.problem ?? unfinished(job) };
 }
 
-function unfinished(job: Job | undefined) {
-  if (job === undefined || job.state === "succeeded") return null;
-  const { error } = job;
-  return (
-    error ?? {
-      type: "about:blank",
-      code: "no_result",
-      title: "No result",
-      status: 0,
-      retryable: true,
-      detail: `${nameOf(job)} has no result yet`,
-    }
-  );
+/** Why there is nothing to compare; null when there is, or may be soon. */
+function unfinished(job: Job | undefined): Problem | null {
+  if (job === undefined || (job.state === "succeeded" && !job.results_erased)) return null;
+  if (job.error) return job.error;
+  const why = job.results_erased
+    ? "has no results any more: their time was over"
+    : `has no result: it is ${stateOf(job)}`;
+  const detail = `${titleOf(job)} ${why}`;
+  return { type: "about:blank", code: "no_result", title: "No result", status: 0, retryable: !hasEnded(job), detail };
 }
 
 function viewsOf(a: Loaded, b: Loaded) {

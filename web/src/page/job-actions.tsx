@@ -78,12 +78,12 @@ function Share({ job }: { job: Job }) {
   const link = `${location.origin}${location.pathname}${href({ at: "job", id: job.id })}`;
   const copy = async () => {
     // Pages that were not loaded over TLS or from this machine may not write to the clipboard.
-    if (navigator.clipboard === undefined) window.prompt("Link to this job", link);
-    else await navigator.clipboard.writeText(link);
+    if (navigator.clipboard === undefined) return void window.prompt("Link to this job", link);
+    await navigator.clipboard.writeText(link);
     isCopied.value = true;
   };
   return (
-    <button type="button" onClick={copy}>
+    <button type="button" onClick={() => act("The link could not be copied", copy)}>
       {isCopied.value ? "Link copied" : "Copy link"}
     </button>
   );

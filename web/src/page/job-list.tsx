@@ -53,13 +53,19 @@ function JobItem({ job }: { job: Job }) {
   );
 }
 
+/** Share of a job that is done; none while that is not known. */
+function shareOf({ progress, state }: Job): number | undefined {
+  if (progress === null) return state === "queued" ? 0 : undefined;
+  return progress.fraction < 1 ? progress.fraction : undefined;
+}
+
 /** How far a job is, by stage. */
 export function JobProgress({ job }: { job: Job }) {
   const { progress } = job;
   return (
     <label class="progress">
       <span class="stage">{progress === null ? (job.state === "queued" ? "waiting" : "begins") : stage(progress)}</span>
-      <progress value={progress?.fraction ?? (job.state === "queued" ? 0 : undefined)} max={1} />
+      <progress value={shareOf(job)} max={1} />
     </label>
   );
 }

@@ -8,6 +8,7 @@ import {
   fetchJobs,
   type Job,
   type Problem,
+  type Progress,
   problemOf,
   retryJob,
   token,
@@ -49,14 +50,26 @@ function forget(...ids: string[]): void {
   known.value = next;
 }
 
-/** The newest jobs anew: others may have sent or erased some. */
+/** What was asked for with the token that is still used; else the answer is somebody else's. */
+export async function own<T>(answer: Promise<T>): Promise<T> {
+  const asked = token.peek();
+  const given = await answer;
+  if (token.peek() !== asked) throw new Error("the token was changed meanwhile");
+  return given;
+}
+
+/** The newest jobs anew: others may have sent or erased some. As far back as jobs are at work. */
 async function refresh(): Promise<void> {
   const [before, asked] = [known.peek(), token.peek()];
+  const oldest = active.peek().reduce((least, id) => (id < least ? id : least), "~");
   try {
-    const { jobs: newest, next_cursor } = await fetchJobs(PAGE);
-    // With another token there are other jobs.
-    if (token.peek() !== asked) return;
-    takeList(newest, next_cursor, before);
+    let page = await own(fetchJobs(PAGE));
+    const newest = page.jobs;
+    while (page.next_cursor !== null && (newest.at(-1)?.id ?? "") > oldest) {
+      page = await own(fetchJobs(PAGE, page.next_cursor));
+      newest.push(...page.jobs);
+    }
+    takeList(newest, page.next_cursor, before);
     listProblem.value = null;
   } catch (error) {
     if (token.peek() === asked) listProblem.value = problemOf(error);
@@ -67,34 +80,38 @@ async function refresh(): Promise<void> {
 function takeList(newest: Job[], next: string | null, before: ReadonlyMap<string, Job>): void {
   const last = newest.at(-1)?.id ?? "";
   const listed = new Set(newest.map(({ id }) => id));
-  const gone = [...before.keys()].filter((id) => !listed.has(id) && (next === null || id >= last));
-  // More jobs came than are listed at once: what is between is with the older ones.
-  const isGap = ![...before.keys()].some((id) => listed.has(id));
-  const now = known.peek();
-  forget(...gone);
-  keep(...newest.filter(({ id }) => now.get(id) === before.get(id)));
-  if (!hasList.peek() || isGap || next === null) olderCursor.value = next;
+  forget(...[...before.keys()].filter((id) => !listed.has(id) && (next === null || id >= last)));
+  keepUnchanged(newest, before);
+  // What is between these and those known before is with the older ones.
+  if (!hasList.peek() || next === null || !before.has(last)) olderCursor.value = next;
   hasList.value = true;
+}
+
+/** Keeps jobs of which nothing was heard since `before`. */
+function keepUnchanged(news: Job[], before: ReadonlyMap<string, Job>): void {
+  const now = known.peek();
+  keep(...news.filter(({ id }) => now.get(id) === before.get(id)));
 }
 
 export async function loadOlder(): Promise<void> {
   if (olderCursor.value === null) return;
-  const { jobs: older, next_cursor } = await fetchJobs(PAGE, olderCursor.value);
-  keep(...older);
+  const before = known.peek();
+  const { jobs: older, next_cursor } = await own(fetchJobs(PAGE, olderCursor.value));
+  keepUnchanged(older, before);
   olderCursor.value = next_cursor;
 }
 
 /** Loads a job that a link names. */
 export async function load(id: string): Promise<void> {
-  if (jobOf(id) === undefined) keep(await fetchJob(id));
+  if (jobOf(id) === undefined) keep(await own(fetchJob(id)));
 }
 
 export async function cancel(job: Job): Promise<void> {
-  keep(await cancelJob(job));
+  keep(await own(cancelJob(job)));
 }
 
 export async function retry(job: Job): Promise<void> {
-  keep(await retryJob(job));
+  keep(await own(retryJob(job)));
 }
 
 /** Erases a job; `leave` is called before the page forgets it. */
@@ -134,12 +151,20 @@ function followOnly(ids: string[]): void {
 
 function listenerOf(id: string) {
   return {
-    onJob: (job: Job) => keep(job),
-    onProgress: (progress: Job["progress"]) => {
+    onJob: (job: Job) => {
+      keep(job);
+      if (listProblem.peek()?.status === 0) listProblem.value = null;
+    },
+    onProgress: (progress: Progress) => {
       const job = known.peek().get(id);
-      if (job !== undefined && !hasEnded(job)) keep({ ...job, state: "running", queue_position: null, progress });
+      // A job that was asked for may have been ahead of its events.
+      if (job === undefined || hasEnded(job) || (job.progress?.fraction ?? 0) > progress.fraction) return;
+      keep({ ...job, state: "running", queue_position: null, progress });
     },
     onGone: () => forget(id),
+    onTrouble: (problem: Problem) => {
+      listProblem.value = problem;
+    },
   };
 }
 
@@ -166,9 +191,10 @@ export function keepUpToDate(): void {
     token.value;
     if (!isVisible.value) return;
     const pace = isBusy.value ? BUSY_MS : IDLE_MS;
-    void refresh();
     // Without a token there is nothing to be had.
-    const timer = setInterval(() => listProblem.peek()?.status !== 401 && void refresh(), pace);
+    const ask = () => listProblem.peek()?.status !== 401 && untracked(refresh);
+    ask();
+    const timer = setInterval(ask, pace);
     return () => clearInterval(timer);
   });
 }

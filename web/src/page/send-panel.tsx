@@ -124,6 +124,7 @@ function useFileDrop(isOff: boolean): boolean {
       if (event.relatedTarget === null) isOver.value = false;
     });
     on("drop", (event) => {
+      if (!event.dataTransfer?.types.includes("Files")) return;
       event.preventDefault();
       isOver.value = false;
       if (!isOff) void sendFiles([...(event.dataTransfer?.files ?? [])]);

@@ -13,9 +13,9 @@ import {
   type Sample,
   submit,
 } from "../api/client";
-import { keep } from "./jobs";
+import { keep, own } from "./jobs";
 import { assemble, type Field, type Filled, fieldsOf, type Schema } from "./params";
-import { go } from "./route";
+import { go, type Route, route } from "./route";
 import { bytes, nameOf } from "./words";
 
 export const limits = signal<Limits | null>(null);
@@ -58,7 +58,7 @@ export async function askWhatIsTaken(): Promise<void> {
     samples.value = await fetchSamples();
   } catch (error) {
     // Without being allowed to there are no samples; what to do about that is told elsewhere.
-    if (problemOf(error).status === 0) setTimeout(askWhatIsTaken, AGAIN_MS);
+    if (problemOf(error).retryable) setTimeout(askWhatIsTaken, AGAIN_MS);
   }
 }
 
@@ -96,18 +96,26 @@ function wanted(labels: Record<string, string> = {}): Wanted | null {
 export async function sendFiles(files: File[]): Promise<void> {
   const asked = wanted();
   if (asked === null) return;
+  const from = route.peek();
   for (const file of files) {
     const job = await send(file.name, () => Promise.resolve(file), asked);
     if (job === null) continue;
     fileNames.value = new Map(fileNames.value).set(job.id, file.name);
-    if (files.length === 1) go({ at: "job", id: job.id });
+    if (files.length === 1) showFrom(from, job);
   }
 }
 
 export async function sendSample(sample: Sample): Promise<void> {
   const asked = wanted({ sample: sample.name });
+  const from = route.peek();
   const job = asked && (await send(sample.name, async () => (await call(sample.href)).blob(), asked));
-  if (job !== null) go({ at: "job", id: job.id });
+  if (job !== null) showFrom(from, job);
+}
+
+/** Shows a job that was sent from there, unless its sender does something else by now. */
+function showFrom(from: Route, job: Job): void {
+  const isTyping = document.activeElement?.matches("input[type=text], input[type=password], select") ?? false;
+  if (route.peek() === from && !isTyping) go({ at: "job", id: job.id });
 }
 
 /** Sends a mask; null when it was refused, which is told. */
@@ -116,7 +124,7 @@ async function send(name: string, mask: () => Promise<Blob>, asked: Wanted): Pro
   try {
     const blob = await mask();
     refuseTooLarge(blob);
-    const job = await submit({ mask: blob, ...asked }, (share) => news({ share }));
+    const job = await own(submit({ mask: blob, ...asked }, (share) => news({ share })));
     keep(job);
     dismiss(key);
     return job;

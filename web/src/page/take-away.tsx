@@ -40,7 +40,7 @@ export function TakeAway({ job, picture }: { job: Job; picture: () => Promise<Bl
         value={lines}
       />
       {navigator.clipboard && (
-        <button type="button" onClick={copy}>
+        <button type="button" onClick={() => act("The lines could not be copied", copy)}>
           {isCopied.value ? "Copied" : "Copy"}
         </button>
       )}

@@ -1,6 +1,6 @@
 import { cssColorOf } from "../model/colors";
 import { QUANTITIES, type Quantity, rangeOf, valuesOf } from "../model/quantity";
-import type { Spread, Structure } from "../model/thickness";
+import type { Spread, Structure, Surface } from "../model/thickness";
 import { nodeAreas } from "./area";
 import { type Bin, histogram } from "./histogram";
 import type { View } from "./view";
@@ -30,6 +30,7 @@ function Histogram({ view }: { view: View }) {
   const range =
     quantity === view.style.color.value ? view.range.value : rangeOf(view.result, quantity, view.shownStructures.value);
   const bins = histogram(weighted(view, quantity), range, BINS);
+  const decimals = Math.max(2, 1 - Math.floor(Math.log10(range[1] - range[0] || 1)));
   const most = Math.max(...bins.map(({ weight }) => weight), 1e-9);
   const all = bins.reduce((sum, { weight }) => sum + weight, 0);
   const bar = ({ from, to, weight }: Bin, at: number) => (
@@ -41,7 +42,7 @@ function Histogram({ view }: { view: View }) {
       height={(HEIGHT * weight) / most}
       fill={cssColorOf(quantity, (from + to) / 2, range)}
     >
-      <title>{`${number(from)} to ${number(to)}: ${number((100 * weight) / (all || 1), 1)} % of the area`}</title>
+      <title>{`${number(from, decimals)} to ${number(to, decimals)}: ${number((100 * weight) / (all || 1), 1)} % of the area`}</title>
     </rect>
   );
   return (
@@ -58,8 +59,8 @@ function Histogram({ view }: { view: View }) {
         {bins.map(bar)}
       </svg>
       <div class="row ends">
-        <span>{number(range[0])}</span>
-        <span>{number(range[1])}</span>
+        <span>{number(range[0], decimals)}</span>
+        <span>{number(range[1], decimals)}</span>
       </div>
     </figure>
   );
@@ -68,8 +69,11 @@ function Histogram({ view }: { view: View }) {
 function weighted(view: View, quantity: Quantity) {
   return view.shownFigures.value.flatMap((figure) => {
     const areas = nodeAreas(figure, figure.medial);
-    return valuesOf(figure, quantity, "medial").flatMap((value, node) =>
-      value === null ? [] : [{ value, weight: areas[node] ?? 0 }],
+    const surfaces: Surface[] = quantity === "each" ? ["upper", "lower"] : ["medial"];
+    return surfaces.flatMap((surface) =>
+      valuesOf(figure, quantity, surface).flatMap((value, node) =>
+        value === null ? [] : [{ value, weight: areas[node] ?? 0 }],
+      ),
     );
   });
 }

@@ -13,11 +13,14 @@ export function TokenDialog() {
     event.preventDefault();
     const given = input.current?.value.trim() ?? "";
     dialog.current?.close();
+    tokenWanted.value = null;
     // The same token again is tried again, too.
-    token.value = null;
-    if (given !== "") token.value = given;
+    if (token.peek() === given) token.value = null;
+    token.value = given;
   };
   const forget = () => {
+    // The event comes late: it may have been opened again.
+    if (dialog.current?.open) return;
     if (input.current) input.current.value = "";
     tokenWanted.value = null;
   };

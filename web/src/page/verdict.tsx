@@ -32,8 +32,8 @@ export function VerdictPanel({ numbers: { structures, warnings } }: { numbers: T
           <li>
             <VerdictBadge verdict="warn" /> the file
             <ul>
-              {warnings.map(({ code, message }) => (
-                <li key={code}>{message}</li>
+              {warnings.map(({ message }) => (
+                <li key={message}>{message}</li>
               ))}
             </ul>
           </li>

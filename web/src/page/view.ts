@@ -107,8 +107,11 @@ export class View {
 
   /** The range of the data, of the partner's too. */
   readonly dataRange: ReadonlySignal<Range> = computed(() => {
-    const [own, others] = [this.ownRange.value, (this.partner ?? this).ownRange.value];
-    return [Math.min(own[0], others[0]), Math.max(own[1], others[1])];
+    const both = this.partner === null ? [this] : [this, this.partner];
+    // A side without values has no say.
+    const telling = both.filter(({ quantities }) => quantities.value.includes(this.style.color.value));
+    const ranges = (telling.length > 0 ? telling : both).map((view) => view.ownRange.value);
+    return [Math.min(...ranges.map(([low]) => low)), Math.max(...ranges.map(([, high]) => high))];
   });
 
   /** What the colours stand for now. */

@@ -61,7 +61,9 @@ const STAGES: Record<string, string> = {
   quality: "checking the result",
 };
 
-export function stage({ stage, structure, structures }: Progress): string {
+export function stage({ stage, structure, structures, fraction }: Progress): string {
+  // What is left are repeats for the uncertainty, where they are wanted, and the files.
+  if (fraction >= 1) return "finishing";
   const of = structures > 1 ? `structure ${structure + 1} of ${structures}: ` : "";
   return `${of}${STAGES[stage] ?? stage}`;
 }

@@ -1,4 +1,4 @@
-import { distances } from "../model/node-info";
+import { distances, type NodeInfo } from "../model/node-info";
 import { figureOf, indexOf, type NodeRef, type Result } from "../model/result";
 import type { Surface } from "../model/thickness";
 import { Attention } from "./attention";
@@ -119,7 +119,9 @@ export class Interaction {
     const { drawing, result, theme } = this.#scene;
     if (!drawing || !result) return;
     const { orbit, stage } = drawing;
-    const { hovered, picks } = this.#attention;
+    const isShown = (node: NodeInfo) => this.#scene.shown.figure(node.structure, node.figure);
+    const hovered = this.#attention.hovered && isShown(this.#attention.hovered) ? this.#attention.hovered : null;
+    const picks = this.#attention.picks.filter(isShown);
     const [from, to] = picks;
     const distance = from && to ? distanceText(distances(result, from, to)) : null;
     const marks = { hovered: hovered && markedOf(result, hovered), picks, distance };

@@ -78,8 +78,12 @@ class Pen {
     context.lineWidth = 4;
     context.strokeStyle = this.#rim;
     context.fillStyle = this.#ink;
-    context.strokeText(words, at.x, at.y - 8);
-    context.fillText(words, at.x, at.y - 8);
+    // Within the picture.
+    const half = context.measureText(words).width / 2 + 4;
+    const width = context.canvas.width / context.getTransform().a;
+    const x = Math.max(half, Math.min(at.x, width - half));
+    context.strokeText(words, x, at.y - 8);
+    context.fillText(words, x, at.y - 8);
   }
 
   #stroke(width: number): void {

@@ -8,10 +8,13 @@ export class Tools {
   constructor(fit: () => void, clearPicks: () => void) {
     const all = make("button", "", "Fit");
     all.title = "Show everything";
-    for (const [button, act] of [[all, fit] as const, [this.#clear, clearPicks] as const]) {
-      button.type = "button";
-      button.addEventListener("click", act);
-    }
+    for (const button of [all, this.#clear]) button.type = "button";
+    all.addEventListener("click", fit);
+    this.#clear.addEventListener("click", () => {
+      clearPicks();
+      // The button that had the focus is gone.
+      all.focus({ preventScroll: true });
+    });
     this.element.append(all, this.#clear);
     this.element.hidden = true;
     this.picks = 0;

@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import type { Job } from "../../src/api/client";
+import type { Job, Problem } from "../../src/api/client";
 import { follow } from "../../src/api/follow";
 
 /** What the service answers, in order: by `events` to a stream, by `jobs` to a question for the job. */
@@ -12,6 +12,7 @@ const listener = {
   onJob: (job: Job) => heard.push(job.state),
   onProgress: (progress: Job["progress"]) => heard.push(`${progress?.stage}`),
   onGone: () => heard.push("gone"),
+  onTrouble: (problem: Problem) => heard.push(problem.code),
 };
 
 beforeEach(() => {
@@ -119,6 +120,19 @@ test("nobody goes on asking without being allowed to", async () => {
   await followed();
   expect(asked).toHaveLength(1);
   expect(heard).toEqual([]);
+});
+
+test("a service that is not reached is told of, and tried again ever less often", async () => {
+  const nobody = () => {
+    throw new TypeError("nobody answers");
+  };
+  events = [nobody, nobody];
+  jobs = [nobody, nobody, nobody, job("succeeded")];
+  const waits = vi.spyOn(globalThis, "setTimeout");
+  await followed();
+  expect(heard).toEqual([...Array.from({ length: 5 }, () => "no_answer"), "succeeded"]);
+  const pauses = waits.mock.calls.map(([, ms]) => ms ?? 0).filter((ms) => ms >= 1000 && ms !== 5000);
+  expect(pauses).toEqual([2000, 4000, 8000, 10_000, 10_000]);
 });
 
 test("following stops when it is not wanted any more", async () => {

@@ -128,8 +128,9 @@ test("a parameter that is out of range is told before anything is sent", async (
 
 test("a job is followed by asking when its events do not come through", async () => {
   const page = await pages.open();
-  await page.route("**/events", (route) => route.abort());
   await page.goto(pages.service.url);
+  await page.getByLabel("Sample", { exact: true }).waitFor();
+  for (const path of ["**/events", "**/v1/jobs?limit*"]) await page.route(path, (route) => route.abort());
   await setUncertainty(page, 3);
   await sendSample(page, "twisted");
   await stateOf(page).toBe("done");
@@ -142,8 +143,21 @@ test("a token is asked for, kept in memory only, and gone with the page", async 
   try {
     const page = await pages.open({}, locked);
     await page.goto(locked.url);
-    await page.getByRole("textbox", { name: "Token" }).fill(token);
-    await page.getByRole("button", { name: "Go on" }).click();
+    const dialog = page.getByRole("dialog");
+    const give = async (text: string) => {
+      await dialog.getByRole("textbox", { name: "Token" }).fill(text);
+      await dialog.getByRole("button", { name: "Go on" }).click();
+    };
+    await give("wrong");
+    await dialog.getByText("The token was refused").waitFor();
+    await give(token);
+    await page.getByLabel("Sample", { exact: true }).waitFor();
+    await settled(page);
+    expect(await dialog.isVisible()).toBe(false);
+    await page.getByRole("button", { name: "Change token" }).click();
+    await give(token);
+    await settled(page);
+    expect(await dialog.isVisible()).toBe(false);
     await sendSample(page, "bent");
     await modelShown(page);
     const kept = await page.evaluate(() =>
@@ -184,9 +198,8 @@ test("a mask's name stays in the page", async () => {
 test("what the page weighs, and how soon a result is seen", async () => {
   const page = await pages.open();
   let weight = 0;
-  page.on("response", async (response) => {
-    const { pathname } = new URL(response.url());
-    if (!pathname.startsWith("/v1/")) weight += (await response.request().sizes()).responseBodySize;
+  page.on("requestfinished", async (request) => {
+    if (!new URL(request.url()).pathname.startsWith("/v1/")) weight += (await request.sizes()).responseBodySize;
   });
   await page.goto(pages.service.url);
   await page.getByLabel("Sample", { exact: true }).waitFor();
@@ -260,4 +273,27 @@ test("what the file's header leaves open is told with the result", async () => {
   const job = await (await fetch(`${pages.service.url}/v1/jobs/${id}`)).json();
   const said: string = job.warnings[0].message;
   await page.locator(".verdicts", { hasText: said }).waitFor();
+});
+
+test("a mask that has been sent does not take the page from who types", async () => {
+  const page = await pages.open();
+  await page.goto(`${pages.service.url}/#/`);
+  await page.getByText("Parameters").first().click();
+  let pass = () => {};
+  const held = new Promise<void>((free) => {
+    pass = free;
+  });
+  await page.route("**/v1/jobs", async (route) => {
+    if (route.request().method() === "POST") await held;
+    await route.continue();
+  });
+  await page.getByRole("button", { name: "Send sample" }).click();
+  const name = page.getByLabel("Name of the job");
+  await name.pressSequentially("left");
+  const before = await page.locator(".job").count();
+  pass();
+  await expect.poll(() => page.locator(".job").count()).toBe(before + 1);
+  await name.pressSequentially("-kidney");
+  expect(await name.inputValue()).toBe("left-kidney");
+  expect(page.url()).toMatch(/#\/$/);
 });

@@ -6,7 +6,7 @@ import type { Browser, Page } from "playwright-core";
 import { afterAll, beforeAll, expect, test } from "vitest";
 import { ellipsoids } from "../support/label-map";
 import { finishedJob, resultOf, type Service, scratch, startBrowser, startService } from "../support/service";
-import { openJob } from "../support/use";
+import { changes, openJob, pictureOf } from "../support/use";
 
 /** Real masks, where they are at hand. */
 const BIGBRAIN = new URL("../../../../shared/data/volumes/bigbrain.nii.gz", import.meta.url).pathname;
@@ -73,12 +73,14 @@ test("one of sixty structures is hidden at once", async () => {
   const page = await (await browser.newContext({ viewport: { width: 1280, height: 800 } })).newPage();
   await openJob(page, service.url, id);
   await page.getByRole("checkbox", { name: "label 7", exact: true }).waitFor();
+  const before = await pictureOf(page);
   const ms = await page.evaluate(async () => {
     const start = performance.now();
     document.querySelector<HTMLInputElement>('input[name="6"]')?.click();
     await new Promise((drawn) => requestAnimationFrame(() => setTimeout(drawn)));
     return performance.now() - start;
   });
+  expect(changes(await pictureOf(page), before)).toBeGreaterThan(200);
   console.log(`hiding one of sixty structures took ${ms.toFixed(0)} ms`);
   await page.context().close();
   expect(ms).toBeLessThan(600);
