@@ -27,19 +27,45 @@ pub struct Progress {
 #[derive(Debug, Default)]
 struct Told {
     last: Progress,
-    /// Share of each structure that is done. Several are worked on side by side.
-    done: Vec<f64>,
+    /// What is done of each structure. Several are worked on side by side.
+    done: Vec<Done>,
 }
 
+/// What is done of a structure.
+#[derive(Clone, Debug, Default)]
+struct Done {
+    /// Share of its stages.
+    stages: f64,
+    /// Repeats that follow them, each of which takes as long.
+    repeats: usize,
+    repeated: usize,
+}
+
+#[expect(clippy::cast_precision_loss, reason = "a few stages and repeats of a few structures")]
 impl Told {
-    #[expect(clippy::cast_precision_loss, reason = "a few stages of a few structures")]
     fn tell(&mut self, structure: usize, structures: usize, stage: Stage, fraction: f64) {
-        self.done.resize(structures.max(structure + 1), 0.0);
         let stages_done = Stage::ALL.iter().take_while(|s| **s < stage).count() as f64 + fraction.clamp(0.0, 1.0);
+        let done = self.done_of(structure, structures);
         // A structure whose sheets are cut goes through some stages again: what was done stays done.
-        self.done[structure] = self.done[structure].max(stages_done / Stage::ALL.len() as f64);
-        let fraction = self.done.iter().sum::<f64>() / self.done.len() as f64;
-        self.last = Progress { stage: Some(stage), structures, structure, fraction };
+        done.stages = done.stages.max(stages_done / Stage::ALL.len() as f64);
+        self.last = Progress { stage: Some(stage), structures, structure, fraction: self.fraction() };
+    }
+
+    fn tell_repeat(&mut self, structure: usize, structures: usize, repeated: usize, repeats: usize) {
+        let done = self.done_of(structure, structures);
+        done.repeats = repeats;
+        done.repeated = done.repeated.max(repeated);
+        self.last = Progress { structures, structure, fraction: self.fraction(), ..self.last };
+    }
+
+    fn done_of(&mut self, structure: usize, structures: usize) -> &mut Done {
+        self.done.resize(structures.max(structure + 1), Done::default());
+        &mut self.done[structure]
+    }
+
+    fn fraction(&self) -> f64 {
+        let share = |done: &Done| (done.stages + done.repeated as f64) / (1 + done.repeats) as f64;
+        self.done.iter().map(share).sum::<f64>() / self.done.len() as f64
     }
 }
 
@@ -100,6 +126,11 @@ impl Observer for Running {
         self.changes.step(self.lease.id);
     }
 
+    fn repeated(&self, structure: usize, structures: usize, done: usize, repeats: usize) {
+        self.progress.lock().unwrap_or_else(PoisonError::into_inner).tell_repeat(structure, structures, done, repeats);
+        self.changes.step(self.lease.id);
+    }
+
     fn is_cancelled(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
@@ -125,5 +156,19 @@ mod tests {
             told.tell(structure, 3, Stage::Quality, 1.0);
         }
         assert!((told.last.fraction - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn repeats_count_as_much_as_the_run_that_they_repeat() {
+        let mut told = Told::default();
+        told.tell_repeat(0, 1, 0, 3);
+        told.tell(0, 1, Stage::Quality, 1.0);
+        assert!((told.last.fraction - 0.25).abs() < 1e-12);
+        // They end in any order.
+        for (done, fraction) in [(2, 0.75), (1, 0.75), (3, 1.0)] {
+            told.tell_repeat(0, 1, done, 3);
+            assert!((told.last.fraction - fraction).abs() < 1e-12, "{done}");
+        }
+        assert_eq!(told.last.stage, Some(Stage::Quality));
     }
 }

@@ -70,6 +70,9 @@ pub trait Observer: Sync {
     /// `stage` of structure `structure` of `structures` has reached `fraction` (0 to 1).
     fn progress(&self, structure: usize, structures: usize, stage: Stage, fraction: f64);
 
+    /// `done` of the `repeats` that follow the stages of a structure are done; said with 0 before the first stage.
+    fn repeated(&self, _structure: usize, _structures: usize, _done: usize, _repeats: usize) {}
+
     /// Whether the run should stop; asked at every slice of work, so it must be cheap.
     fn is_cancelled(&self) -> bool {
         false

@@ -1,5 +1,6 @@
 //! All stages for one label.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use nalgebra::{Point2, Point3};
@@ -92,6 +93,9 @@ impl Work<'_> {
     /// When the observer asks to stop.
     pub fn run(&self) -> Result<Structure, Cancelled> {
         let mut structure = self.blank();
+        if self.is_repeated() {
+            self.observer.repeated(self.number, self.count, 0, self.params.uncertainty);
+        }
         match self.stages(&mut structure) {
             Ok(()) => {
                 self.add_uncertainty(&mut structure)?;
@@ -106,15 +110,22 @@ impl Work<'_> {
         }
     }
 
+    fn is_repeated(&self) -> bool {
+        self.params.uncertainty > 0 && self.repeat.is_none()
+    }
+
     /// Computes the structure again with moved boundaries, as often as was asked for.
     fn add_uncertainty(&self, structure: &mut Structure) -> Result<(), Cancelled> {
         let repeats = self.params.uncertainty;
-        if repeats == 0 || self.repeat.is_some() {
+        if !self.is_repeated() {
             return Ok(());
         }
-        let muted = Muted(self.observer);
+        let (muted, done) = (Muted(self.observer), AtomicUsize::new(0));
         add_uncertainty(&mut structure.figures, repeats, structure.working_voxel_mm, |repeat| {
-            Ok(Work { observer: &muted, repeat: Some(repeat), ..*self }.run()?.figures)
+            let figures = Work { observer: &muted, repeat: Some(repeat), ..*self }.run()?.figures;
+            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+            self.observer.repeated(self.number, self.count, done, repeats);
+            Ok(figures)
         })?;
         for (number, figure) in structure.figures.iter().enumerate() {
             let matched = figure.uncertainty.as_ref().map_or(0, |found| found.matched);

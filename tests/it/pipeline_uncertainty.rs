@@ -1,5 +1,6 @@
 //! The uncertainty of thickness: asked for, repeatable, and of the right size.
 
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use medialrep::pipeline::model::Figure;
@@ -126,6 +127,27 @@ fn voxels_three_times_as_long_leave_more_open() {
     };
     let (even, long) = (coarse(1.0), coarse(3.0));
     assert!(long > 1.5 * even, "{even:.3} mm with even voxels, {long:.3} mm with long ones");
+}
+
+/// Hears of repeats.
+#[derive(Default)]
+struct Heard(Mutex<Vec<(usize, usize)>>);
+
+impl Observer for Heard {
+    fn progress(&self, _structure: usize, _structures: usize, _stage: Stage, _fraction: f64) {}
+
+    fn repeated(&self, _structure: usize, _structures: usize, done: usize, repeats: usize) {
+        self.0.lock().unwrap().push((done, repeats));
+    }
+}
+
+#[test]
+fn every_repeat_is_told_of() {
+    let heard = Heard::default();
+    run(&volume("slab"), &with_repeats(3).check().expect("in range"), &heard).expect("a slab has a sheet");
+    let mut heard = heard.0.into_inner().unwrap();
+    heard.sort_unstable();
+    assert_eq!(heard, [(0, 3), (1, 3), (2, 3), (3, 3)]);
 }
 
 /// Stops once the result itself is done.

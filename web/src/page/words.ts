@@ -62,7 +62,7 @@ const STAGES: Record<string, string> = {
 };
 
 export function stage({ stage, structure, structures, fraction }: Progress): string {
-  // What is left are repeats for the uncertainty, where they are wanted, and the files.
+  // What is left are the files.
   if (fraction >= 1) return "finishing";
   const of = structures > 1 ? `structure ${structure + 1} of ${structures}: ` : "";
   return `${of}${STAGES[stage] ?? stage}`;
