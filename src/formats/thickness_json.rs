@@ -14,7 +14,7 @@ use crate::pipeline::model::{Figure, Junction, Model, PerSurface, Structure};
 use crate::pipeline::observer::{Stage, Warning};
 use crate::pipeline::params::CheckedParams;
 use crate::pipeline::sheets::strength;
-use crate::pipeline::summary::{LengthSummary, ThicknessSummary};
+use crate::pipeline::summary::{LengthSummary, ThicknessSummary, node_areas};
 use crate::space::{WorldPoint, WorldVector};
 
 /// Where the model came from. Never the file's name: it may name a patient.
@@ -170,6 +170,7 @@ struct FigureJson<'a> {
     vectors: Sides<Vectors>,
     thickness: Thickness,
     thickness_summary: SummaryJson,
+    node_area_mm2: Vec<Rounded>,
     medial_radius_mm: List<'a, f64>,
     area_distortion: List<'a, f64>,
     intrinsic: Surfaces<List<'a, crate::space::ParamPoint>>,
@@ -298,6 +299,7 @@ fn figure_json((index, figure): (usize, &Figure)) -> FigureJson<'_> {
         valid: &figure.valid,
         thickness: thickness(&vectors),
         thickness_summary: summary_json(figure.thickness_summary()),
+        node_area_mm2: node_areas(figure.into()).into_iter().map(Rounded).collect(),
         vectors: Sides { upper: Vectors(vectors.upper), lower: Vectors(vectors.lower) },
         medial_radius_mm: List(&figure.medial_radius_mm),
         area_distortion: List(&figure.area_distortion),

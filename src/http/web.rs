@@ -13,7 +13,7 @@ use axum::http::header::{
     ACCEPT, ACCEPT_ENCODING, CACHE_CONTROL, CONTENT_ENCODING, CONTENT_SECURITY_POLICY, CONTENT_TYPE, ETAG,
     IF_NONE_MATCH, VARY,
 };
-use axum::http::{HeaderMap, HeaderValue, Method, Response, StatusCode, Uri};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, Response, StatusCode, Uri};
 use axum::response::IntoResponse;
 use flate2::Compression;
 use flate2::write::GzEncoder;
@@ -109,8 +109,10 @@ impl Page {
             *answer.status_mut() = StatusCode::NOT_MODIFIED;
             return answer;
         }
-        let (media_type, is_text) = media_type(name);
-        headers.insert(CONTENT_TYPE, HeaderValue::from_static(media_type));
+        let media_type = mime_guess::from_path(name).first_or_octet_stream();
+        let is_text = media_type.type_() == mime_guess::mime::TEXT || media_type.suffix().is_some();
+        let media_type = if is_text { format!("{media_type}; charset=utf-8") } else { media_type.to_string() };
+        headers.insert(CONTENT_TYPE, HeaderValue::from_str(&media_type).expect("media types are ASCII"));
         let body = if is_text && takes_gzip(asked) {
             headers.insert(CONTENT_ENCODING, HeaderValue::from_static("gzip"));
             Body::from(self.gzipped(&file))
@@ -146,7 +148,7 @@ pub async fn front(Extension(page): Extension<Page>, headers: HeaderMap) -> Resp
     }
     match page.file(FRONT) {
         Some(file) => page.answer(FRONT, file, &headers, "Accept, Accept-Encoding"),
-        None => ([(VARY, "Accept"), (CONTENT_TYPE, media_type(FRONT).0)], NOT_BUILT).into_response(),
+        None => ([(VARY, "Accept"), (CONTENT_TYPE, "text/html; charset=utf-8")], NOT_BUILT).into_response(),
     }
 }
 
@@ -167,28 +169,17 @@ pub async fn file(
 
 /// Whether text/html is named: programs that take anything get the text.
 fn wants_html(headers: &HeaderMap) -> bool {
-    let accept = header(headers, ACCEPT).unwrap_or_default();
-    accept.split(',').map(media_range).any(|(range, weight)| range.eq_ignore_ascii_case("text/html") && weight > 0.0)
+    names(headers, ACCEPT, "text/html")
 }
 
 fn takes_gzip(headers: &HeaderMap) -> bool {
-    let accepted = header(headers, ACCEPT_ENCODING).unwrap_or_default();
-    accepted.split(',').map(media_range).any(|(coding, weight)| coding.eq_ignore_ascii_case("gzip") && weight > 0.0)
+    names(headers, ACCEPT_ENCODING, "gzip")
 }
 
-/// Media type of a file by its name, and whether it is text.
-fn media_type(name: &str) -> (&'static str, bool) {
-    match name.rsplit('.').next().unwrap_or_default() {
-        "html" => ("text/html; charset=utf-8", true),
-        "js" => ("text/javascript; charset=utf-8", true),
-        "css" => ("text/css; charset=utf-8", true),
-        "txt" => ("text/plain; charset=utf-8", true),
-        "json" | "map" => ("application/json", true),
-        "svg" => ("image/svg+xml; charset=utf-8", true),
-        "png" => ("image/png", false),
-        "woff2" => ("font/woff2", false),
-        _ => ("application/octet-stream", false),
-    }
+/// Whether a header lists this, with a weight above 0.
+fn names(headers: &HeaderMap, list: HeaderName, wanted: &str) -> bool {
+    let mut listed = header(headers, list).unwrap_or_default().split(',').map(media_range);
+    listed.any(|(name, weight)| name.eq_ignore_ascii_case(wanted) && weight > 0.0)
 }
 
 #[cfg(test)]

@@ -85,6 +85,7 @@ fn a_figure_has_every_node_in_row_major_order() {
         "vectors",
         "thickness",
         "thickness_summary",
+        "node_area_mm2",
         "medial_radius_mm",
         "area_distortion",
         "intrinsic",
@@ -101,6 +102,7 @@ fn a_figure_has_every_node_in_row_major_order() {
         &figure["upper"],
         &figure["lower"],
         &figure["valid"],
+        &figure["node_area_mm2"],
         &figure["medial_radius_mm"],
         &figure["area_distortion"],
         &figure["vectors"]["upper"],
@@ -116,6 +118,8 @@ fn a_figure_has_every_node_in_row_major_order() {
     assert_eq!(figure["thickness"]["total_mm"][8], json!(5.125));
     assert_eq!(figure["quality"]["folded_cells"], json!([{"side": "upper", "i": 1, "j": 2}]));
     assert_eq!(figure["area_distortion"][8], json!(0.25));
+    let areas = figure["node_area_mm2"].as_array().unwrap().iter().map(|area| area.as_f64().unwrap());
+    assert!((areas.sum::<f64>() - figure["thickness_summary"]["area_mm2"].as_f64().unwrap()).abs() < 1e-3);
     // What is no number is null.
     assert_eq!(document["structures"][0]["figures"][1]["area_distortion"][0], Value::Null);
     assert_eq!(document["structures"][0]["figures"][1]["medial"][0], json!([null, 0.0, 0.0]));

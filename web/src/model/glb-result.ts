@@ -34,6 +34,7 @@ function figureFrom(model: GlbModel, structure: GlbStructure, n: number, order: 
     total_mm: thicknessOf(medial, count),
     radius_mm: null,
     sd_mm: null,
+    area_mm2: null,
     distortion: null,
     intrinsic: null,
     difference: null,

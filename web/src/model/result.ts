@@ -38,6 +38,8 @@ export interface ResultFigure {
   radius_mm: Numbers | null;
   /** Standard deviation of the total thickness. */
   sd_mm: Numbers | null;
+  /** Area of the sheet that each node stands for, mm². */
+  area_mm2: Numbers | null;
   /** Logarithm of the share of the area in space over that in the intrinsic plane. */
   distortion: Numbers | null;
   /** Places in the intrinsic plane of each surface, mm. */
@@ -79,6 +81,7 @@ export function fromThickness(json: Thickness): Result {
         total_mm: valid(figure.thickness.total_mm),
         radius_mm: valid(figure.medial_radius_mm),
         sd_mm: figure.uncertainty ? valid(figure.uncertainty.total_mm) : null,
+        area_mm2: figure.node_area_mm2 ? valid(figure.node_area_mm2) : null,
         distortion: figure.area_distortion ? valid(figure.area_distortion) : null,
         intrinsic: {
           medial: flats(figure.intrinsic.medial),

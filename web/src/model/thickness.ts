@@ -41,6 +41,8 @@ export interface Figure {
   valid: boolean[];
   thickness: { upper_mm: Numbers; lower_mm: Numbers; total_mm: Numbers };
   medial_radius_mm: Numbers;
+  /** Area of the sheet that each node stands for: the weights of the summary. */
+  node_area_mm2?: Numbers;
   /** Per node: logarithm of (share of the area in space) / (share in the intrinsic plane). */
   area_distortion?: Numbers;
   /** Standard deviations over repeats, where they were asked for. */

@@ -1,7 +1,6 @@
 import { cssColorOf } from "../model/colors";
 import { QUANTITIES, type Quantity, rangeOf, valuesOf } from "../model/quantity";
 import type { Spread, Structure, Surface } from "../model/thickness";
-import { nodeAreas } from "./area";
 import { type Bin, histogram } from "./histogram";
 import type { View } from "./view";
 import { number } from "./words";
@@ -68,11 +67,10 @@ function Histogram({ view }: { view: View }) {
 
 function weighted(view: View, quantity: Quantity) {
   return view.shownFigures.value.flatMap((figure) => {
-    const areas = nodeAreas(figure, figure.medial);
     const surfaces: Surface[] = quantity === "each" ? ["upper", "lower"] : ["medial"];
     return surfaces.flatMap((surface) =>
       valuesOf(figure, quantity, surface).flatMap((value, node) =>
-        value === null ? [] : [{ value, weight: areas[node] ?? 0 }],
+        value === null ? [] : [{ value, weight: figure.area_mm2?.[node] ?? 0 }],
       ),
     );
   });

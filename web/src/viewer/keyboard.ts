@@ -24,42 +24,30 @@ const ARROWS: Readonly<Record<string, readonly [number, number]>> = {
   ArrowDown: [0, -1],
 };
 
+const KEYS: Readonly<Record<string, (actions: KeyActions) => void>> = {
+  "+": (actions) => actions.zoom(1),
+  "=": (actions) => actions.zoom(1),
+  "-": (actions) => actions.zoom(-1),
+  _: (actions) => actions.zoom(-1),
+  Home: (actions) => actions.fit(),
+  Escape: (actions) => actions.clear(),
+  n: (actions) => actions.step(1),
+  "]": (actions) => actions.step(1),
+  N: (actions) => actions.step(-1),
+  "[": (actions) => actions.step(-1),
+  Enter: (actions) => actions.pick(),
+};
+
 /** Does what a key stands for and says whether it stands for anything. */
 export function pressKey(event: KeyboardEvent, actions: KeyActions): boolean {
   if (event.ctrlKey || event.metaKey || event.altKey) return false;
   const arrow = ARROWS[event.key];
-  if (arrow) {
-    if (event.shiftKey) actions.pan(...arrow);
-    else actions.turn(...arrow);
-    return true;
+  if (arrow && event.shiftKey) actions.pan(...arrow);
+  else if (arrow) actions.turn(...arrow);
+  else {
+    const act = KEYS[event.key];
+    act?.(actions);
+    return act !== undefined;
   }
-  switch (event.key) {
-    case "+":
-    case "=":
-      actions.zoom(1);
-      return true;
-    case "-":
-    case "_":
-      actions.zoom(-1);
-      return true;
-    case "Home":
-      actions.fit();
-      return true;
-    case "Escape":
-      actions.clear();
-      return true;
-    case "n":
-    case "]":
-      actions.step(1);
-      return true;
-    case "N":
-    case "[":
-      actions.step(-1);
-      return true;
-    case "Enter":
-      actions.pick();
-      return true;
-    default:
-      return false;
-  }
+  return true;
 }

@@ -5,14 +5,19 @@ import type { Theme } from "./theme";
 
 // Light from the eye: what faces it has the colour itself, what is seen edge-on 0.65 of the light. Shading by vertex
 // rather than by pixel makes a frame half as dear where the processor draws.
-const COLORED_VERTEX = `
+const FACING = `
 uniform mat4 modelViewMatrix, projectionMatrix;
 in vec3 position, normal;
+float facingOf(vec4 place) {
+  return abs(dot(normalize(place.xyz), normalize(mat3(modelViewMatrix) * normal)));
+}`;
+
+const COLORED_VERTEX = `${FACING}
 in vec4 color;
 out vec4 tint;
 void main() {
   vec4 place = modelViewMatrix * vec4(position, 1.0);
-  float facing = abs(dot(normalize(place.xyz), normalize(mat3(modelViewMatrix) * normal)));
+  float facing = facingOf(place);
   float light = pow(mix(0.65, 1.0, facing), 1.0 / 2.2);
   tint = vec4(color.rgb * light * color.a, color.a);
   gl_Position = projectionMatrix * place;
@@ -24,15 +29,12 @@ in vec4 tint;
 out vec4 result;
 void main() { result = tint; }`;
 
-const GLASS_VERTEX = `
-uniform mat4 modelViewMatrix, projectionMatrix;
+const GLASS_VERTEX = `${FACING}
 uniform float clear, rim;
-in vec3 position, normal;
 out float strength;
 void main() {
   vec4 place = modelViewMatrix * vec4(position, 1.0);
-  float facing = abs(dot(normalize(place.xyz), normalize(mat3(modelViewMatrix) * normal)));
-  float edge = 1.0 - facing;
+  float edge = 1.0 - facingOf(place);
   strength = mix(clear, rim, edge * edge * sqrt(edge));
   gl_Position = projectionMatrix * place;
 }`;

@@ -55,7 +55,7 @@ function addMesh(model: GlbModel, object: Object3D, structure: number, figure: G
     figure: figure?.index ?? null,
     positions,
     normals: numbersOf(geometry, "normal"),
-    indices: Uint32Array.from(geometry.index.array),
+    indices: new Uint32Array(geometry.index.array),
     nodes: places && figure ? nodesOf(places, figure) : null,
     thickness_mm: numbersOf(geometry, "_thickness"),
   } satisfies GlbMesh);

@@ -24,7 +24,7 @@ export class TriangleOrder {
   reset(): void {
     const { index, count, geometry } = this.#merged;
     const positions = geometry.getAttribute("position").array;
-    this.#corners = Uint32Array.from(index.array.subarray(0, count));
+    this.#corners = new Uint32Array(index.array.subarray(0, count));
     this.#centres = new Float32Array(count);
     this.#buckets = new Uint32Array(count / 3);
     for (let n = 0; n < count; n++) {

@@ -1,8 +1,6 @@
 import { expect, test } from "vitest";
 import type { Job } from "../../src/api/client";
 import type { Result, ResultFigure } from "../../src/model/result";
-import type { Point } from "../../src/model/thickness";
-import { nodeAreas } from "../../src/page/area";
 import { curlLines } from "../../src/page/curl";
 import { difference } from "../../src/page/difference";
 import { barMm, frameOf, nodeTree, place } from "../../src/page/flat";
@@ -24,22 +22,6 @@ test("points are told apart by figure and surface", () => {
 
 test("points in other columns are not taken for points", () => {
   expect(() => parsePoints("x,y\n1,2\n")).toThrow(/other columns/);
-});
-
-test("each node stands for a quarter of the quads round it", () => {
-  const flat: Point[] = [0, 1, 2].flatMap((i) => [0, 1, 2].map((j): Point => [2 * j, 3 * i, 0]));
-  expect([...nodeAreas({ rows: 3, cols: 3 }, flat)]).toEqual([1.5, 3, 1.5, 3, 6, 3, 1.5, 3, 1.5]);
-  // The corners of a quad need not lie in a plane: its area is that between its diagonals, as the service has it.
-  const bent: Point[] = [
-    [0, 0, 0],
-    [1, 0, 0],
-    [0, 1, 0],
-    [1, 1, 2],
-  ];
-  const area = Math.hypot(-2, 2, -2) / 2;
-  expect(nodeAreas({ rows: 2, cols: 2 }, bent)[0]).toBeCloseTo(area / 4);
-  const holed = flat.map((point, node) => (node === 0 ? null : point));
-  expect(nodeAreas({ rows: 3, cols: 3 }, holed).reduce((sum, area) => sum + area)).toBe(18);
 });
 
 test("a histogram keeps all the weight, also of what is outside", () => {

@@ -358,3 +358,21 @@ test("the standard deviation is read where it was asked for", async () => {
   await page.getByLabel("Colour by").selectOption("uncertainty");
   await page.locator("medial-viewer .legend", { hasText: "Standard deviation" }).waitFor();
 });
+
+test("the histogram tells the share of the area, weighted as the result has it", async () => {
+  const page = await pages.open();
+  await openJob(page, pages.service.url, pages.bent.id);
+  const titles = await page.locator(".histogram title").allTextContents();
+  const bars = titles.map((title) => /^([\d.]+) to ([\d.]+): ([\d.]+) %/.exec(title)?.slice(1).map(Number) ?? []);
+  expect(bars.reduce((sum, [, , percent]) => sum + (percent ?? Number.NaN), 0)).toBeCloseTo(100, 0);
+  const { thickness, node_area_mm2 = [] } = pages.bent.numbers.structures[0]?.figures[0] ?? {};
+  const all = node_area_mm2.reduce<number>((sum, area) => sum + (area ?? 0), 0);
+  // The highest bar holds what lies within its bounds.
+  const [low = 0, high = 0, percent = 0] = bars.reduce((a, b) => ((a[2] ?? 0) > (b[2] ?? 0) ? a : b));
+  const within = node_area_mm2.filter((_, node) => {
+    const total = thickness?.total_mm[node] ?? Number.NaN;
+    return total >= low && total < high;
+  });
+  expect(percent).toBeCloseTo((100 * within.reduce<number>((sum, area) => sum + (area ?? 0), 0)) / all, 0);
+  expect(percent).toBeGreaterThan(5);
+});

@@ -21,6 +21,7 @@ export function figure(changes: Partial<ResultFigure> = {}): ResultFigure {
     total_mm: [3, 3, 3, 3, 3.4, null],
     sd_mm: null,
     radius_mm: [1.5, 1.5, 1.5, 1.5, 1.7, null],
+    area_mm2: [0.25, 0.5, 0.25, 0.25, 0.5, null],
     distortion: [-0.3, 0.1, 0, 0, 0.1, null],
     intrinsic: { medial: PLANE, upper: PLANE, lower: PLANE },
     difference: null,
