@@ -46,6 +46,10 @@ pub mod numerics;
 
 pub mod samples;
 
+pub mod params;
+
+pub mod model;
+
 pub mod pipeline;
 
 pub mod problem;

@@ -5,8 +5,8 @@ use std::io;
 
 use serde::{Deserialize, Serialize};
 
-use crate::pipeline::params::ParamsError;
-use crate::pipeline::refusal::Refusal;
+use crate::model::Refusal;
+use crate::params::ParamsError;
 
 /// A problem object (RFC 9457) with a stable code, a place and a hint.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]

@@ -14,9 +14,10 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::{complain, exit};
 use crate::formats::params_json;
 use crate::jobs::process::{self, InputLimits, ProcessError};
-use crate::pipeline::observer::{Observer, Stage};
-use crate::pipeline::params::CheckedParams;
-use crate::pipeline::refusal::SHAPE_CODES;
+use crate::model::SHAPE_CODES;
+use crate::model::Stage;
+use crate::params::CheckedParams;
+use crate::pipeline::observer::Observer;
 use crate::problem::Problem;
 
 /// Steps of a bar.
@@ -188,7 +189,7 @@ fn new_bar(structure: usize, structures: usize, stage: Stage) -> ProgressBar {
 mod tests {
     use super::*;
     use crate::formats::ReadError;
-    use crate::pipeline::refusal::Refusal;
+    use crate::model::Refusal;
 
     #[test]
     fn exit_codes_follow_the_contract() {

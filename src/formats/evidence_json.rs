@@ -5,11 +5,11 @@ use serde::Serialize;
 
 use super::rounded::{List, Rounded};
 use super::thickness_json::{Surfaces, surfaces};
-use crate::pipeline::frame::FrameFacts;
-use crate::pipeline::model::{Figure, Structure};
-use crate::pipeline::params::CheckedParams;
+use crate::model::FrameFacts;
+use crate::model::Uncertainty;
+use crate::model::{Figure, Structure};
+use crate::params::CheckedParams;
 use crate::pipeline::sheets::{loss_needed, strength};
-use crate::pipeline::uncertainty::Uncertainty;
 use crate::space::WorldVector;
 
 /// `frame` of a figure.

@@ -9,8 +9,8 @@ use super::colors::viridis_linear;
 use super::gltf_build::{Gltf, Material, Mesh, Mode};
 use super::mesh_parts::{crest_strip, outward_normals, quads};
 use super::rounded::round;
-use crate::pipeline::closed::closed;
-use crate::pipeline::model::{Figure, Model, Structure, TriangleMesh};
+use crate::model::closed;
+use crate::model::{Figure, Model, Structure, TriangleMesh};
 use crate::space::{WorldPoint, WorldVector};
 
 const MEDIAL: Material = Material { name: "medial", color: [1.0, 1.0, 1.0, 1.0] };

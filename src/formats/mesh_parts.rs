@@ -1,7 +1,7 @@
 //! Triangles and smooth normals over a lattice, shared by everything that draws a model.
 
-use crate::pipeline::model::{Figure, ring};
-use crate::pipeline::params::LatticeSize;
+use crate::model::LatticeSize;
+use crate::model::{Figure, ring};
 use crate::space::{WorldPoint, WorldVector};
 
 /// Corners of triangles as offsets of nodes.

@@ -5,9 +5,9 @@ use std::fmt;
 use serde::de::{Deserialize, Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Value, json};
 
-use crate::pipeline::params::{
-    CheckedParams, Correspondence, GridChoice, LABEL_COUNT, Landmarks, LatticeKind, LatticeSize, Neighbors, Params,
-    ParamsError, Prune,
+use crate::params::{
+    CheckedParams, Correspondence, GridChoice, LABEL_COUNT, Landmarks, LatticeKind, Neighbors, Params, ParamsError,
+    Prune,
 };
 use crate::problem::Problem;
 
@@ -131,7 +131,7 @@ fn grid(value: &Value) -> Result<GridChoice, ParamsError> {
                 Some(value) => count(name, value),
                 None => Err(wrong(name, &Value::Null, ALLOWED)),
             };
-            Ok(GridChoice::Fixed(LatticeSize { rows: side("grid.rows", "rows")?, cols: side("grid.cols", "cols")? }))
+            Ok(GridChoice::Fixed { rows: side("grid.rows", "rows")?, cols: side("grid.cols", "cols")? })
         }
         _ => Err(wrong("grid", value, ALLOWED)),
     }
@@ -224,7 +224,7 @@ fn echo(text: &str) -> String {
 #[must_use]
 pub fn params_to_json(params: &CheckedParams) -> Value {
     let grid = match params.grid {
-        GridChoice::Fixed(LatticeSize { rows, cols }) => json!({"rows": rows, "cols": cols}),
+        GridChoice::Fixed { rows, cols } => json!({"rows": rows, "cols": cols}),
         GridChoice::Auto => json!("auto"),
     };
     let neighbors = match params.neighbors {

@@ -5,7 +5,7 @@ use serde::ser::{SerializeMap, Serializer};
 
 use super::rounded::Rounded;
 use super::thickness_json::{Surfaces, surfaces};
-use crate::pipeline::model::{
+use crate::model::{
     Coverage, DistanceSummary, Distortion, FigureQuality, MeanAndP95, Reason, StructureQuality, Threshold, Verdict,
 };
 

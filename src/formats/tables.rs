@@ -5,7 +5,7 @@ use std::fmt;
 use std::io::{self, Write};
 
 use super::rounded::round;
-use crate::pipeline::model::{Figure, Model};
+use crate::model::{Figure, Model};
 
 /// One row per node and side: where it is, its vector, its thickness; and the standard deviation of
 /// the thickness when it was asked for.

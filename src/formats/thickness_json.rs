@@ -10,11 +10,11 @@ use super::evidence_json::{AutomaticJson, FrameJson, StructureAutomaticJson, Unc
 use super::params_json::params_to_json;
 use super::quality_json::{FigureQualityJson, QualityJson, figure_quality_json, quality_json};
 use super::rounded::{List, Rounded};
-use crate::pipeline::model::{Figure, Junction, Model, PerSurface, Structure};
-use crate::pipeline::observer::{Stage, Warning};
-use crate::pipeline::params::CheckedParams;
+use crate::model::{Figure, Junction, Model, PerSurface, Structure};
+use crate::model::{LengthSummary, ThicknessSummary, node_areas};
+use crate::model::{Stage, Warning};
+use crate::params::CheckedParams;
 use crate::pipeline::sheets::strength;
-use crate::pipeline::summary::{LengthSummary, ThicknessSummary, node_areas};
 use crate::space::{WorldPoint, WorldVector};
 
 /// Where the model came from. Never the file's name: it may name a patient.

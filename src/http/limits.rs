@@ -12,7 +12,7 @@ use super::jobs::MAX_WAIT_S;
 use super::params_schema::ParamsSchema;
 use crate::jobs::process::ARTIFACTS;
 use crate::jobs::queue::Jobs;
-use crate::pipeline::params::LABEL_COUNT;
+use crate::params::LABEL_COUNT;
 
 /// Dimensions of a volume that carry the mask; further ones must be 1.
 const DIMENSIONS: u32 = 3;

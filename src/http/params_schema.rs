@@ -8,7 +8,7 @@ use serde_json::json;
 use utoipa::openapi::{RefOr, Schema};
 use utoipa::{IntoParams, PartialSchema, ToSchema};
 
-use crate::pipeline::params::{
+use crate::params::{
     FIGURE_COUNT, LABEL_COUNT, LANDMARK_COUNT, LATTICE_SIDE, LENGTH_MM, MARGIN, NEIGHBOR_COUNT, PRUNE_STRENGTH,
     REPEAT_COUNT,
 };

@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use crate::formats::nifti::HeaderFacts;
-use crate::pipeline::params::CheckedParams;
+use crate::params::CheckedParams;
 
 /// Nanoseconds for each voxel of the volume: reading, and looking for labels.
 const PER_VOXEL_NS: f64 = 10.0;
@@ -26,7 +26,7 @@ pub fn expected(header: &HeaderFacts, bytes: u64, params: &CheckedParams) -> Dur
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pipeline::params::Params;
+    use crate::params::Params;
 
     #[test]
     fn a_whole_brain_is_expected_to_take_longer_than_a_nucleus_and_repeats_longer_than_none() {

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
 use crate::formats::params_json::{self, ParamsJsonError};
-use crate::pipeline::params::CheckedParams;
+use crate::params::CheckedParams;
 use crate::problem::Problem;
 
 /// Names a job. UUIDv7: ids ascend in order of arrival and cannot be guessed.

@@ -10,9 +10,10 @@ use sha2::{Digest, Sha256};
 
 use crate::formats::thickness_json::{InputFacts, OuterTimings};
 use crate::formats::{self, ReadError, glb, hex, tables, thickness_json};
-use crate::pipeline::model::Model;
-use crate::pipeline::observer::{Cancelled, Observer, Silent, Stage, Warning};
-use crate::pipeline::params::CheckedParams;
+use crate::model::Model;
+use crate::model::{Stage, Warning};
+use crate::params::CheckedParams;
+use crate::pipeline::observer::{Cancelled, Observer, Silent};
 use crate::pipeline::{self, PipelineError};
 use crate::problem::Problem;
 

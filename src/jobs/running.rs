@@ -8,7 +8,8 @@ use tokio_util::sync::CancellationToken;
 
 use super::changes::Changes;
 use super::store::Lease;
-use crate::pipeline::observer::{Observer, Stage};
+use crate::model::Stage;
+use crate::pipeline::observer::Observer;
 
 /// How far a run is.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

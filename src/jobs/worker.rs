@@ -24,8 +24,9 @@ use super::store::{Claim, Outcome, StoreError};
 use super::submission::PROGRAM;
 use super::{beat, callbacks, retention};
 use crate::audit::Action;
-use crate::pipeline::observer::{Observer, Warning};
-use crate::pipeline::params::CheckedParams;
+use crate::model::Warning;
+use crate::params::CheckedParams;
+use crate::pipeline::observer::Observer;
 use crate::problem::Problem;
 
 /// How long a silent worker keeps its job. Three heartbeats, so that one may be lost.

@@ -4,10 +4,10 @@ use std::io::Write;
 
 use medialrep::formats::thickness_json::{self, InputFacts, OuterTimings};
 use medialrep::formats::{params_json, tables};
-use medialrep::pipeline::model::Model;
-use medialrep::pipeline::observer::{Stage, Warning};
-use medialrep::pipeline::params::Params;
-use medialrep::pipeline::uncertainty::Uncertainty;
+use medialrep::model::Model;
+use medialrep::model::Uncertainty;
+use medialrep::model::{Stage, Warning};
+use medialrep::params::Params;
 use serde_json::{Value, json};
 
 use crate::models::model;

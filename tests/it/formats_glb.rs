@@ -5,8 +5,8 @@ use std::process::Command;
 
 use gltf::mesh::Mode;
 use medialrep::formats::glb;
+use medialrep::model::{Model, TriangleMesh};
 use medialrep::numerics::triangles::volume;
-use medialrep::pipeline::model::{Model, TriangleMesh};
 use nalgebra::{Matrix4, Point3, Vector3};
 use serde_json::Value;
 

@@ -6,8 +6,9 @@ use std::time::Instant;
 
 use medialrep::formats::thickness_json::InputFacts;
 use medialrep::jobs::process::{ARTIFACTS, InputLimits, ProcessError, Source, process, publish};
-use medialrep::pipeline::observer::{Observer, Silent, Stage, Warning};
-use medialrep::pipeline::params::Params;
+use medialrep::model::{Stage, Warning};
+use medialrep::params::Params;
+use medialrep::pipeline::observer::{Observer, Silent};
 use sha2::{Digest, Sha256};
 
 use crate::models::model;

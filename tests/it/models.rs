@@ -1,15 +1,16 @@
 //! Models made by hand, for the writers.
 
-use medialrep::pipeline::automatic::Automatic;
-use medialrep::pipeline::frame::FrameFacts;
-use medialrep::pipeline::model::{
+use medialrep::model::Automatic;
+use medialrep::model::FrameFacts;
+use medialrep::model::LatticeSize;
+use medialrep::model::Refusal;
+use medialrep::model::{
     Coverage, Figure, FigureQuality, FlatPoints, Junction, Model, PerSurface, Reason, StageTimings, Structure,
     StructureQuality, TriangleMesh, Verdict, ring,
 };
-use medialrep::pipeline::observer::{Stage, Warning};
-use medialrep::pipeline::params::{LatticeSize, Params};
-use medialrep::pipeline::refusal::Refusal;
-use medialrep::pipeline::spokes::Nodes;
+use medialrep::model::{Stage, Warning};
+use medialrep::params::Params;
+use medialrep::pipeline::vectors::Nodes;
 use medialrep::space::{ParamPoint, WorldFromVoxel, WorldPoint, WorldVector};
 use nalgebra::{Point3, Vector3};
 

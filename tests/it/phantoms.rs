@@ -1,8 +1,8 @@
 //! Analytic shapes and what is measured on their results.
 
-use medialrep::pipeline::model::{Figure, Model};
+use medialrep::model::{Figure, Model};
+use medialrep::params::{GridChoice, Params};
 use medialrep::pipeline::observer::Silent;
-use medialrep::pipeline::params::{GridChoice, LatticeSize, Params};
 use medialrep::pipeline::{PipelineError, run};
 use medialrep::samples::{Sample, by_name};
 use medialrep::space::{Grid, LabelVolume, WorldFromVoxel, WorldPoint};
@@ -23,7 +23,7 @@ pub fn turned() -> Rotation3<f64> {
 
 /// The lattice that results are compared on.
 pub fn params() -> Params {
-    Params { grid: GridChoice::Fixed(LatticeSize { rows: 12, cols: 20 }), margin: 0.02, ..Params::default() }
+    Params { grid: GridChoice::Fixed { rows: 12, cols: 20 }, margin: 0.02, ..Params::default() }
 }
 
 pub fn model_of(volume: &LabelVolume, params: Params) -> Model {

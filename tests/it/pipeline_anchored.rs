@@ -1,7 +1,7 @@
 //! Anchored vectors: true lengths, no crossings, the sheet up to its rim, lattices that meet.
 
-use medialrep::pipeline::model::{Figure, Structure, Verdict, ring};
-use medialrep::pipeline::params::{Correspondence, LatticeKind, Params};
+use medialrep::model::{Figure, Structure, Verdict, ring};
+use medialrep::params::{Correspondence, LatticeKind, Params};
 use medialrep::space::WorldPoint;
 use nalgebra::Rotation3;
 

@@ -1,8 +1,9 @@
 //! What is chosen when the choice is left to the program.
 
-use medialrep::pipeline::automatic::GridFrom;
-use medialrep::pipeline::model::Figure;
-use medialrep::pipeline::params::{Correspondence, GridChoice, LatticeSize, Neighbors, Params};
+use medialrep::model::Figure;
+use medialrep::model::GridFrom;
+use medialrep::model::LatticeSize;
+use medialrep::params::{Correspondence, GridChoice, Neighbors, Params};
 use medialrep::space::LabelVolume;
 
 use crate::phantoms::{model_of, params, volume};

@@ -7,8 +7,9 @@ use std::time::{Duration, Instant};
 
 use medialrep::formats::{InputLimits, nifti_write};
 use medialrep::jobs::process::{ProcessError, process};
-use medialrep::pipeline::observer::{Observer, Stage};
-use medialrep::pipeline::params::Params;
+use medialrep::model::Stage;
+use medialrep::params::Params;
+use medialrep::pipeline::observer::Observer;
 use medialrep::samples::by_name;
 use nalgebra::Rotation3;
 use tempfile::TempDir;

@@ -1,7 +1,7 @@
 //! Sheets that cannot be laid out in one piece are cut.
 
-use medialrep::pipeline::model::Structure;
-use medialrep::pipeline::params::Params;
+use medialrep::model::Structure;
+use medialrep::params::Params;
 use medialrep::space::LabelVolume;
 
 use crate::phantoms::{model_of, painted, params, volume};

@@ -1,7 +1,7 @@
 //! One frame for one anatomy: (i, j) and the sides follow the world, not the file.
 
-use medialrep::pipeline::frame::FrameRule;
-use medialrep::pipeline::model::Figure;
+use medialrep::model::Figure;
+use medialrep::model::FrameRule;
 use medialrep::space::{Grid, LabelVolume, WorldFromVoxel, WorldPoint, WorldVector};
 use nalgebra::{Rotation3, Vector3};
 

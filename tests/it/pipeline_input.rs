@@ -2,10 +2,10 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use medialrep::pipeline::observer::{Cancelled, Observer, Stage};
-use medialrep::pipeline::params::{
-    GridChoice, Landmarks, LatticeKind, LatticeSize, Neighbors, Params, ParamsError, Prune,
-};
+use medialrep::model::LatticeSize;
+use medialrep::model::Stage;
+use medialrep::params::{GridChoice, Landmarks, LatticeKind, Neighbors, Params, ParamsError, Prune};
+use medialrep::pipeline::observer::{Cancelled, Observer};
 use medialrep::pipeline::{PipelineError, run};
 
 use crate::phantoms::{check_invariants, drift, model_of, painted, params, run_of, volume};
@@ -129,7 +129,7 @@ fn landmarks_agree_with_exact_isomap() {
     let few = model_of(&volume, params());
     let (a, b) = (&exact.structures[0].figures[0], &few.structures[0].figures[0]);
     assert!(a.landmarks.medial > 5 * b.landmarks.medial);
-    let flat = |f: &medialrep::pipeline::model::Figure| f.points.medial.flat.clone();
+    let flat = |f: &medialrep::model::Figure| f.points.medial.flat.clone();
     let (a, b) = (flat(a), flat(b));
     let extent = a.iter().map(|p| p.x).fold(0.0, f64::max) - a.iter().map(|p| p.x).fold(0.0, f64::min);
     let off = crate::phantoms::rms(a.iter().zip(&b).map(|(p, q)| (p - q).norm()));
@@ -205,7 +205,7 @@ fn field_of(params: Params) -> Option<String> {
 #[test]
 fn parameters_out_of_range_are_refused_by_name() {
     let base = Params::default;
-    let grid = |rows, cols| GridChoice::Fixed(LatticeSize { rows, cols });
+    let grid = |rows, cols| GridChoice::Fixed { rows, cols };
     let cases = [
         (Params { grid: grid(2, 8), ..base() }, "grid.rows"),
         (Params { grid: grid(6, 513), ..base() }, "grid.cols"),

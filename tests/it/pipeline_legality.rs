@@ -2,16 +2,16 @@
 
 use std::collections::BTreeMap;
 
+use medialrep::model::LatticeSize;
+use medialrep::model::closed;
+use medialrep::model::{PerSurface, Repair, TriangleMesh, ring};
 use medialrep::numerics::cancel::to_the_end;
 use medialrep::numerics::triangles::{self_intersections, volume};
-use medialrep::pipeline::closed::closed;
-use medialrep::pipeline::legality::{Illegal, Legality, Part, legality};
-use medialrep::pipeline::measures::FlatQuads;
-use medialrep::pipeline::model::{PerSurface, Repair, TriangleMesh, ring};
 use medialrep::pipeline::observer::Silent;
-use medialrep::pipeline::params::LatticeSize;
 use medialrep::pipeline::quality::figure_quality;
-use medialrep::pipeline::spokes::Nodes;
+use medialrep::pipeline::quality::measures::FlatQuads;
+use medialrep::pipeline::vectors::Nodes;
+use medialrep::pipeline::vectors::legality::{Illegal, Legality, Part, legality};
 use nalgebra::{Point3, Vector3};
 
 use crate::models::{flat_slab, outward};

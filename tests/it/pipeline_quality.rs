@@ -1,20 +1,21 @@
 //! Measures of quality, and how the verdict follows from them.
 
 use medialrep::formats::thickness_json::{self, InputFacts, OuterTimings};
-use medialrep::pipeline::coverage::SkinSearch;
-use medialrep::pipeline::depth::{depth, skin};
-use medialrep::pipeline::mask::{label_boxes, solid};
-use medialrep::pipeline::measures::{FlatQuads, medial_offset};
-use medialrep::pipeline::model::{
+use medialrep::model::LatticeSize;
+use medialrep::model::node_areas;
+use medialrep::model::{
     Coverage, DistanceSummary, Distortion, Figure, FigureQuality, MeanAndP95, Model, PerSurface, Repair,
     StructureQuality, Verdict,
 };
+use medialrep::params::Params;
 use medialrep::pipeline::observer::Silent;
-use medialrep::pipeline::params::{LatticeSize, Params};
+use medialrep::pipeline::quality::coverage::SkinSearch;
+use medialrep::pipeline::quality::measures::{FlatQuads, medial_offset};
+use medialrep::pipeline::quality::verdict::judge;
 use medialrep::pipeline::quality::{figure_quality, structure_quality};
-use medialrep::pipeline::spokes::Nodes;
-use medialrep::pipeline::summary::node_areas;
-use medialrep::pipeline::verdict::judge;
+use medialrep::pipeline::solid::depth::{depth, skin};
+use medialrep::pipeline::solid::{label_boxes, solid};
+use medialrep::pipeline::vectors::Nodes;
 use nalgebra::{Point2, Point3, Rotation3, Vector3};
 use serde_json::Value;
 

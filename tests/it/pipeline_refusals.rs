@@ -1,8 +1,8 @@
 //! Shapes that are refused by name, each through the whole pipeline.
 
+use medialrep::model::Refusal;
+use medialrep::params::Params;
 use medialrep::pipeline::PipelineError;
-use medialrep::pipeline::params::Params;
-use medialrep::pipeline::refusal::Refusal;
 use medialrep::space::LabelVolume;
 use nalgebra::Rotation3;
 

@@ -1,6 +1,6 @@
 //! The pipeline on shapes with a known answer.
 
-use medialrep::pipeline::model::Verdict;
+use medialrep::model::Verdict;
 use medialrep::samples::Sample;
 use medialrep::space::{LabelVolume, WorldFromVoxel};
 use nalgebra::Rotation3;

@@ -2,19 +2,20 @@
 
 use std::collections::BTreeSet;
 
+use medialrep::model::LatticeSize;
 use medialrep::numerics::topology::{is_simple, neighborhood};
-use medialrep::pipeline::depth::{Depth, depth, skin};
-use medialrep::pipeline::frame::Senses;
-use medialrep::pipeline::isomap::flatten;
+use medialrep::params::{Landmarks, LatticeKind, Neighbors, Prune};
+use medialrep::pipeline::lattice::outline::Region;
 use medialrep::pipeline::lattice::{SpaceFromPlane, lattice};
-use medialrep::pipeline::mask::{Solid, label_boxes, solid};
 use medialrep::pipeline::medial::{MedialSurface, medial_surface};
 use medialrep::pipeline::observer::Silent;
-use medialrep::pipeline::outline::Region;
-use medialrep::pipeline::params::{Landmarks, LatticeKind, LatticeSize, Neighbors, Prune};
+use medialrep::pipeline::plane::frame::Senses;
+use medialrep::pipeline::plane::isomap::flatten;
 use medialrep::pipeline::sheets::sheets;
-use medialrep::pipeline::sides::sides;
-use medialrep::pipeline::surface::Surface;
+use medialrep::pipeline::sheets::sides::sides;
+use medialrep::pipeline::sheets::surface::Surface;
+use medialrep::pipeline::solid::depth::{Depth, depth, skin};
+use medialrep::pipeline::solid::{Solid, label_boxes, solid};
 use medialrep::space::{Grid, LabelVolume};
 use nalgebra::{Point3, Rotation3};
 
@@ -150,7 +151,7 @@ fn a_flat_sheet_is_laid_flat_with_its_lengths() {
 
 #[test]
 fn degenerate_surfaces_are_typed_outcomes() {
-    use medialrep::pipeline::isomap::IsomapError;
+    use medialrep::pipeline::plane::isomap::IsomapError;
     let line = |n: u32| Surface {
         positions: (0..n).map(|k| Point3::new(f64::from(k), 0.0, 0.0)).collect(),
         adjacency: (0..n).map(|k| (k.saturating_sub(1)..(k + 2).min(n)).filter(|&m| m != k).collect()).collect(),

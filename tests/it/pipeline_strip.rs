@@ -1,11 +1,11 @@
 //! Tails: strips of a sheet that are a few voxels wide at most.
 
-use medialrep::pipeline::depth::{Depth, depth, skin};
-use medialrep::pipeline::mask::{label_boxes, solid};
 use medialrep::pipeline::observer::Silent;
-use medialrep::pipeline::sides::SheetSides;
-use medialrep::pipeline::strip::{unfolded, widened};
-use medialrep::pipeline::surface::Surface;
+use medialrep::pipeline::plane::strip::{unfolded, widened};
+use medialrep::pipeline::sheets::sides::SheetSides;
+use medialrep::pipeline::sheets::surface::Surface;
+use medialrep::pipeline::solid::depth::{Depth, depth, skin};
+use medialrep::pipeline::solid::{label_boxes, solid};
 use nalgebra::{Point2, Point3, Vector3};
 
 use crate::phantoms::{model_of, painted, params, turned};

@@ -3,9 +3,10 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use medialrep::pipeline::model::Figure;
-use medialrep::pipeline::observer::{Cancelled, Observer, Stage};
-use medialrep::pipeline::params::{GridChoice, Params};
+use medialrep::model::Figure;
+use medialrep::model::Stage;
+use medialrep::params::{GridChoice, Params};
+use medialrep::pipeline::observer::{Cancelled, Observer};
 use medialrep::pipeline::{PipelineError, run};
 use medialrep::space::{Grid, LabelVolume, WorldFromVoxel, WorldPoint};
 use nalgebra::{Point3, Rotation3};

@@ -16,7 +16,7 @@ use medialrep::http::{router, router_with_page};
 use medialrep::jobs::process::{Artifact, ProcessError, Processed};
 use medialrep::jobs::queue::{JobLimits, Jobs};
 use medialrep::jobs::worker::{Processor, Workers};
-use medialrep::pipeline::observer::{Stage, Warning};
+use medialrep::model::{Stage, Warning};
 use medialrep::problem::Problem;
 use medialrep::webhook::Sender;
 use serde_json::Value;

@@ -1,0 +1,45 @@
+//! What was chosen where the user left the choice to the program, and from what.
+
+use super::side::PerSurface;
+
+/// Where the size of a lattice comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum GridFrom {
+    /// The parameter `grid`.
+    #[default]
+    Asked,
+    /// The parameter `spacing_mm` and the sheet's extents.
+    Spacing,
+    /// The sheet's extents alone: about [`NODES`] nodes, as far apart along rows as along columns.
+    Size,
+}
+
+impl GridFrom {
+    /// Stable name.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Asked => "asked",
+            Self::Spacing => "spacing_mm",
+            Self::Size => "size",
+        }
+    }
+}
+
+/// The choices for one figure with what speaks for them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Automatic {
+    /// Radius of the neighbourhood, mm; none where a number of neighbours was asked for.
+    pub neighborhood_mm: Option<f64>,
+    /// The same in words.
+    pub neighborhood: String,
+    /// Pieces that each neighbourhood graph fell into before touching points joined them; 1 when
+    /// the neighbourhood was large enough.
+    pub graph_pieces: PerSurface<usize>,
+    /// Where the lattice's size comes from.
+    pub grid_from: GridFrom,
+    /// Longer side of the rectangle with the flattened sheet's second moments, mm.
+    pub length_mm: f64,
+    /// Its shorter side.
+    pub width_mm: f64,
+}

@@ -1,0 +1,50 @@
+//! The medial representation as plain data: what the pipeline returns and the formats write.
+
+mod grid;
+
+mod side;
+
+mod stage;
+
+mod warning;
+
+mod refusal;
+
+mod frame;
+
+mod choices;
+
+mod uncertainty;
+
+mod quality;
+
+mod meshes;
+
+mod figure;
+
+mod shell;
+
+mod closed;
+
+mod structure;
+
+mod summary;
+
+pub use choices::{Automatic, GridFrom};
+pub use closed::closed;
+pub use figure::{Figure, FlatPoints};
+pub use frame::{FrameFacts, FrameRule};
+pub use grid::{LatticeSize, ring};
+pub use meshes::TriangleMesh;
+pub use quality::{
+    Coverage, DistanceSummary, Distortion, FigureQuality, MeanAndP95, Reason, Repair, StructureQuality, Threshold,
+    Verdict,
+};
+pub use refusal::{Refusal, SHAPE_CODES};
+pub use shell::{EdgeStep, Quad, Shell, quad_area};
+pub use side::PerSurface;
+pub use stage::{Stage, StageTimings};
+pub use structure::{Junction, Model, Structure};
+pub use summary::{LengthSummary, ThicknessSummary, node_areas};
+pub use uncertainty::Uncertainty;
+pub use warning::Warning;

@@ -1,0 +1,180 @@
+//! How far a result can be trusted.
+
+use super::side::PerSurface;
+
+/// Surface distances, mm.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct DistanceSummary {
+    /// Mean.
+    pub mean_mm: f64,
+    /// 95th percentile.
+    pub p95_mm: f64,
+    /// Largest.
+    pub max_mm: f64,
+}
+
+/// How well the solid of cells and crest wedges fits the mask.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Coverage {
+    /// Overlap of all cells, crest wedges included, with the mask.
+    pub dice: f64,
+    /// What fits are measured in, mm: a voxel or, of thick objects, a tenth of the median radius.
+    pub grain_mm: f64,
+    /// Share of the mask's surface within one grain of the model's.
+    pub covered_share: f64,
+    /// From the mask's surface to the model's.
+    pub mask_to_model: DistanceSummary,
+    /// From the model's surface to the mask's.
+    pub model_to_mask: DistanceSummary,
+}
+
+/// What was repaired before a figure was handed out.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Repair {
+    /// Corners and centres of cells that were bad, or nearly so, before.
+    pub folds_before: usize,
+    /// Nodes with a vector that was turned, or a place that was moved.
+    pub moved_nodes: usize,
+    /// Nodes with a vector, or crest vector, that ends short of the surface.
+    pub shortened_nodes: usize,
+}
+
+/// How the medial quads differ between space and the intrinsic plane.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Distortion {
+    /// Standard deviation of the area ratio (share of the sheet's area in space over share in
+    /// the plane), weighted by the latter; the mean is 1.
+    pub area_sd: f64,
+    /// Largest |ln| of the area ratio.
+    pub area_max_log: f64,
+    /// Mean difference of the angle between the lattice directions, degrees.
+    pub angle_mean_deg: f64,
+    /// Largest difference of that angle, degrees.
+    pub angle_max_deg: f64,
+}
+
+/// A share over nodes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MeanAndP95 {
+    /// Mean.
+    pub mean: f64,
+    /// 95th percentile.
+    pub p95: f64,
+}
+
+impl MeanAndP95 {
+    /// Of these values; zero when there are none.
+    #[must_use]
+    pub fn of(mut values: Vec<f64>) -> Self {
+        values.sort_by(f64::total_cmp);
+        let Some(last) = values.len().checked_sub(1) else { return Self::default() };
+        Self { mean: values.iter().sum::<f64>() / values.len() as f64, p95: values[last * 95 / 100] }
+    }
+}
+
+/// How good one figure is.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FigureQuality {
+    /// 1 − R² of graph against embedded distances (Tenenbaum et al. 2000).
+    pub residual_variance: PerSurface<f64>,
+    /// Corners of the cells between medial and surface quads whose Jacobian has the wrong sign.
+    pub folds: usize,
+    /// Corners looked at.
+    pub corners: usize,
+    /// Cells with a wrong corner or centre: (side is upper, i, j).
+    pub folded_cells: Vec<(bool, usize, usize)>,
+    /// Cells whose Jacobian has the wrong sign in the centre.
+    pub folded_centres: usize,
+    /// Crest wedges with a wrong corner or centre: (side is upper, i, j) of the edge node that
+    /// comes first in the [`ring`].
+    pub folded_wedges: Vec<(bool, usize, usize)>,
+    /// What was repaired.
+    pub repair: Repair,
+    /// Pairs of triangles of the closed surface that run through each other; none without a
+    /// closed surface.
+    pub self_intersections: Option<usize>,
+    /// How well it fits its share of the mask: what lies nearest to its inscribed balls.
+    pub coverage: Coverage,
+    /// Mean over lattice lines of the coefficient of variation of their edge lengths.
+    pub spacing_variation: f64,
+    /// Distortion of the parameterisation.
+    pub distortion: Distortion,
+    /// How far medial nodes are from the middle: |a − b| / (a + b) of the distances to the skin
+    /// on both sides.
+    pub medial_offset: MeanAndP95,
+    /// Share of nodes that lie on the sheet.
+    pub valid_share: f64,
+}
+
+/// How far a result can be trusted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Verdict {
+    /// Every measure is inside its threshold.
+    #[default]
+    Pass,
+    /// Usable; read the reasons.
+    Warn,
+    /// Not to be used for measurements.
+    Fail,
+}
+
+/// A measure outside its threshold.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reason {
+    /// Stable code, snake case.
+    pub code: &'static str,
+    /// One sentence.
+    pub message: String,
+    /// The measure.
+    pub value: f64,
+    /// Its threshold.
+    pub threshold: f64,
+}
+
+/// A measure that the verdict looks at.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Threshold {
+    /// Stable code, snake case; that of the reason it gives.
+    pub code: &'static str,
+    /// The measure, of the worst figure where it is one of figures.
+    pub value: f64,
+    /// Whether small values are the bad ones.
+    pub is_bad_below: bool,
+    /// Beyond this, and where it is no number, the verdict is at best a warning.
+    pub warn: Option<f64>,
+    /// Beyond this, and where it is no number, the verdict is a failure.
+    pub fail: Option<f64>,
+}
+
+/// How good a structure is.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StructureQuality {
+    /// The worst of the reasons.
+    pub verdict: Verdict,
+    /// Why the verdict is not a pass.
+    pub reasons: Vec<Reason>,
+    /// All that the verdict follows from.
+    pub thresholds: Vec<Threshold>,
+    /// How well all figures together fit the mask.
+    pub coverage: Coverage,
+    /// Folds of all figures.
+    pub folds: usize,
+    /// Cells with a folded centre, of all figures.
+    pub folded_centres: usize,
+    /// Folded crest wedges of all figures.
+    pub folded_wedges: usize,
+    /// Repairs of all figures.
+    pub repair: Repair,
+    /// Self-intersections of all figures that have a closed surface.
+    pub self_intersections: Option<usize>,
+    /// The largest residual variance of any surface.
+    pub residual_variance: f64,
+    /// The largest spacing variation of a figure.
+    pub spacing_variation: f64,
+    /// The largest of each distortion of a figure.
+    pub distortion: Distortion,
+    /// The largest of each of a figure.
+    pub medial_offset: MeanAndP95,
+    /// Sheets of the medial surface that were pruned.
+    pub pruned_sheets: usize,
+}

@@ -1,0 +1,127 @@
+//! The parts that the nodes of a figure enclose: cells, crest wedges, and where the crest has
+//! run into a surface.
+
+use nalgebra::Point3;
+
+use crate::model::LatticeSize;
+use crate::model::{Figure, ring};
+use crate::pipeline::vectors::Nodes;
+
+/// A crest point this near to a surface node is that node, as a share of the longer of the two
+/// vectors to them. Larger, a thin but open wedge would count as closed and never be looked at;
+/// smaller, the sign of a wedge without volume would be that of rounding errors.
+const MERGED: f64 = 1e-3;
+
+/// The node arrays of a figure, in any right- or left-handed space.
+#[derive(Clone, Copy, Debug)]
+pub struct Shell<'a> {
+    /// Lattice size.
+    pub size: LatticeSize,
+    /// Medial nodes, row-major (i slow).
+    pub medial: &'a [Point3<f64>],
+    /// Upper nodes.
+    pub upper: &'a [Point3<f64>],
+    /// Lower nodes.
+    pub lower: &'a [Point3<f64>],
+    /// Crest points in the order of [`ring`].
+    pub crest: &'a [Point3<f64>],
+    /// Whether a node lies on the sheet; parts with a node that does not are no parts.
+    pub valid: &'a [bool],
+}
+
+impl<'a> From<&'a Nodes> for Shell<'a> {
+    fn from(nodes: &'a Nodes) -> Self {
+        Self {
+            size: nodes.size,
+            medial: &nodes.medial,
+            upper: &nodes.upper,
+            lower: &nodes.lower,
+            crest: &nodes.crest,
+            valid: &nodes.valid,
+        }
+    }
+}
+
+impl<'a> From<&'a Figure> for Shell<'a> {
+    fn from(figure: &'a Figure) -> Self {
+        Self {
+            size: figure.grid,
+            medial: &figure.medial,
+            upper: &figure.upper,
+            lower: &figure.lower,
+            crest: &figure.crest,
+            valid: &figure.valid,
+        }
+    }
+}
+
+/// A quad of the lattice by its nodes `[(i, j), (i, j+1), (i+1, j), (i+1, j+1)]`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Quad {
+    /// Row of its first node.
+    pub i: usize,
+    /// Column of its first node.
+    pub j: usize,
+    /// Its nodes.
+    pub nodes: [usize; 4],
+}
+
+/// A step along the edge of the lattice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EdgeStep {
+    /// Place of the first node in the ring, and of its crest point.
+    pub here: usize,
+    /// Place of the second.
+    pub next: usize,
+    /// The two nodes.
+    pub nodes: [usize; 2],
+}
+
+impl<'a> Shell<'a> {
+    /// Nodes of the upper or the lower side.
+    #[must_use]
+    pub fn skin(&self, is_upper: bool) -> &'a [Point3<f64>] {
+        if is_upper { self.upper } else { self.lower }
+    }
+
+    /// The quad whose first node is (i, j); `None` beyond the lattice or with an invalid node.
+    #[must_use]
+    pub fn quad(&self, i: usize, j: usize) -> Option<Quad> {
+        let LatticeSize { rows, cols } = self.size;
+        if i + 1 >= rows || j + 1 >= cols {
+            return None;
+        }
+        let a = i * cols + j;
+        let nodes = [a, a + 1, a + cols, a + cols + 1];
+        nodes.iter().all(|&n| self.valid[n]).then_some(Quad { i, j, nodes })
+    }
+
+    /// All quads without an invalid node, row-major.
+    pub fn quads(self) -> impl Iterator<Item = Quad> {
+        let LatticeSize { rows, cols } = self.size;
+        (0..rows).flat_map(move |i| (0..cols).filter_map(move |j| self.quad(i, j)))
+    }
+
+    /// All steps round the edge without an invalid node.
+    pub fn edge_steps(self) -> impl Iterator<Item = EdgeStep> {
+        let edge = ring(self.size);
+        (0..edge.len()).filter_map(move |here| {
+            let next = (here + 1) % edge.len();
+            let nodes = [edge[here], edge[next]];
+            nodes.iter().all(|&n| self.valid[n]).then_some(EdgeStep { here, next, nodes })
+        })
+    }
+
+    /// Whether a crest point is one with the surface node it starts at: a sharp rim.
+    #[must_use]
+    pub fn is_merged(&self, is_upper: bool, place: usize, node: usize) -> bool {
+        let (medial, skin, crest) = (self.medial[node], self.skin(is_upper)[node], self.crest[place]);
+        (crest - skin).norm() <= MERGED * (skin - medial).norm().max((crest - medial).norm())
+    }
+}
+
+/// Area of a quad `[a b; c d]`: half the cross product of its diagonals.
+#[must_use]
+pub fn quad_area([a, b, c, d]: [Point3<f64>; 4]) -> f64 {
+    (d - a).cross(&(c - b)).norm() / 2.0
+}

@@ -1,0 +1,63 @@
+//! What was chosen where the user left the choice to the program, and from what.
+
+use crate::model::LatticeSize;
+use crate::model::PerSurface;
+use crate::model::{Automatic, GridFrom};
+use crate::numerics::field::floor_index;
+use crate::params::{CheckedParams, GridChoice, LATTICE_SIDE, Neighbors};
+use crate::pipeline::lattice::Lattice;
+use crate::pipeline::lattice::outline::Region;
+use crate::pipeline::plane::isomap::{AUTO_RADIUS, Flat};
+
+/// Nodes of an automatic lattice without a spacing: the paper's 6 × 8 and a little more.
+const NODES: f64 = 64.0;
+
+/// The lattice for a sheet and the evidence for all choices.
+#[must_use]
+pub fn automatic(
+    params: &CheckedParams,
+    flat: &PerSurface<Flat>,
+    region: &Region,
+    voxel_mm: f64,
+) -> (LatticeSize, Automatic) {
+    // The side of a rectangle is √12 times its root second moment.
+    let [length_mm, width_mm] = region.principal_axes().1.map(|e| (e * 12.0f64.sqrt()).max(1.0) * voxel_mm);
+    let (size, grid_from) = match (params.grid, params.spacing_mm) {
+        (GridChoice::Fixed { rows, cols }, _) => (LatticeSize { rows, cols }, GridFrom::Asked),
+        (GridChoice::Auto, Some(spacing)) => (spaced([length_mm, width_mm], params.margin, spacing), GridFrom::Spacing),
+        (GridChoice::Auto, None) => {
+            let spacing = (length_mm * width_mm / NODES).sqrt();
+            (spaced([length_mm, width_mm], 0.0, spacing), GridFrom::Size)
+        }
+    };
+    let (neighborhood_mm, neighborhood) = match params.neighbors {
+        Neighbors::Auto => (Some(AUTO_RADIUS * voxel_mm), format!("ball of {AUTO_RADIUS} voxels")),
+        Neighbors::RadiusMm(radius) => (Some(radius), format!("ball of {radius} mm, as asked")),
+        Neighbors::Count(k) => (None, format!("{k} nearest, as asked")),
+    };
+    let graph_pieces = PerSurface { medial: flat.medial.pieces, upper: flat.upper.pieces, lower: flat.lower.pieces };
+    let facts = Automatic { neighborhood_mm, neighborhood, graph_pieces, grid_from, length_mm, width_mm };
+    (size, facts)
+}
+
+/// Lattice whose nodes are `spacing` apart on what the margin leaves of a rectangle.
+fn spaced([length, width]: [f64; 2], margin: f64, spacing: f64) -> LatticeSize {
+    let left = 1.0 - 2.0 * margin;
+    LatticeSize { rows: nodes_on(width * left, spacing), cols: nodes_on(length * left, spacing) }
+}
+
+/// Nodes that are nearest to `spacing` apart on a line.
+fn nodes_on(length: f64, spacing: f64) -> usize {
+    (floor_index(length / spacing + 0.5) + 1).clamp(*LATTICE_SIDE.start(), *LATTICE_SIDE.end())
+}
+
+/// The size at which the nodes of a lattice are `spacing` voxels apart in the mean: lines of a sheet
+/// that is no rectangle are longer or shorter than its moments tell.
+#[must_use]
+pub fn respaced(lattice: &Lattice, spacing: f64) -> LatticeSize {
+    let LatticeSize { rows, cols } = lattice.size;
+    let step = |a: usize, b: usize| (lattice.nodes[a] - lattice.nodes[b]).norm();
+    let along: f64 = (0..rows * cols).filter(|n| n % cols + 1 < cols).map(|n| step(n, n + 1)).sum();
+    let across: f64 = (0..(rows - 1) * cols).map(|n| step(n, n + cols)).sum();
+    LatticeSize { rows: nodes_on(across / cols as f64, spacing), cols: nodes_on(along / rows as f64, spacing) }
+}

@@ -1,0 +1,218 @@
+//! Stage 8, first part: whether thickness vectors cross.
+//!
+//! A *cell* is the hexahedron between a medial quad and its upper or lower quad, filled by the
+//! trilinear map. A *wedge* is the prism between the triangles (medial node, surface node, crest
+//! point) of two neighbours on the edge of the lattice, filled linearly along the edge. Where
+//! the Jacobian of such a map has the wrong sign, the part is turned over and vectors cross.
+//! It is looked at in all corners and in the centre: a hexahedron can be turned over in its
+//! middle with all corners right. A part that is right there can still be wrong in between.
+//! A Jacobian of zero is wrong too: a vector without length, an edge without length.
+//!
+//! The right sign is decided once for a figure, by the majority over the cells of both sides:
+//! (i, j, vector) is a right-handed frame on one side if and only if it is left-handed on the
+//! other. A side that was swapped as a whole is therefore found.
+
+use nalgebra::{Point3, Vector3};
+
+use crate::model::{EdgeStep, Quad, Shell};
+
+/// Kind of a part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// Between the medial and the upper quad.
+    UpperCell,
+    /// Between the medial and the lower quad.
+    LowerCell,
+    /// Between edge, upper nodes and crest.
+    UpperWedge,
+    /// Between edge, lower nodes and crest.
+    LowerWedge,
+}
+
+impl Part {
+    fn cell(is_upper: bool) -> Self {
+        if is_upper { Self::UpperCell } else { Self::LowerCell }
+    }
+
+    fn wedge(is_upper: bool) -> Self {
+        if is_upper { Self::UpperWedge } else { Self::LowerWedge }
+    }
+
+    /// Whether it lies on the upper side.
+    #[must_use]
+    pub fn is_upper(self) -> bool {
+        matches!(self, Self::UpperCell | Self::UpperWedge)
+    }
+
+    /// Whether it is a wedge of the crest.
+    #[must_use]
+    pub fn is_wedge(self) -> bool {
+        matches!(self, Self::UpperWedge | Self::LowerWedge)
+    }
+}
+
+/// A part that is turned over somewhere.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Illegal {
+    /// What it is.
+    pub part: Part,
+    /// Row of its first node: of a cell the one with the lowest i and j, of a wedge the one that
+    /// comes first in the ring.
+    pub i: usize,
+    /// Column of that node.
+    pub j: usize,
+    /// Bad corners, of 8 or 6.
+    pub corners: usize,
+    /// Whether the centre is bad.
+    pub is_centre_bad: bool,
+}
+
+/// What was found in a figure.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Legality {
+    /// Sign of the Jacobian of (i, j, vector) on the upper side; the lower side has the other.
+    pub orientation: f64,
+    /// Places looked at: corners and centres of cells and wedges.
+    pub checked: usize,
+    /// Corners of cells among them.
+    pub corners: usize,
+    /// Bad corners of cells.
+    pub folds: usize,
+    /// Cells with a bad centre.
+    pub folded_centres: usize,
+    /// Wedges with a bad corner or centre.
+    pub folded_wedges: usize,
+    /// The bad parts: upper and lower cells row-major, then wedges in ring order.
+    pub parts: Vec<Illegal>,
+}
+
+impl Legality {
+    /// Whether nothing is turned over.
+    #[must_use]
+    pub fn is_legal(&self) -> bool {
+        self.parts.is_empty()
+    }
+}
+
+/// Looks at every cell and wedge of a figure.
+#[must_use]
+pub fn legality(shell: Shell<'_>) -> Legality {
+    let mut found = Legality { orientation: orientation(shell), ..Legality::default() };
+    for is_upper in [true, false] {
+        for quad in shell.quads() {
+            let jacobians = cell_jacobians(shell, is_upper, quad);
+            found.checked += jacobians.len();
+            found.corners += jacobians.len() - 1;
+            let cell = judged_cell(shell, found.orientation, is_upper, quad);
+            found.folds += cell.map_or(0, |c| c.corners);
+            found.folded_centres += usize::from(cell.is_some_and(|c| c.is_centre_bad));
+            found.parts.extend(cell);
+        }
+    }
+    for is_upper in [true, false] {
+        for step in shell.edge_steps() {
+            found.checked += wedge_jacobians(shell, is_upper, step).iter().flatten().count();
+            let wedge = judged_wedge(shell, found.orientation, is_upper, step);
+            found.folded_wedges += usize::from(wedge.is_some());
+            found.parts.extend(wedge);
+        }
+    }
+    found
+}
+
+/// The sign that most corners and centres of the upper side have and most of the lower side have
+/// not. A tie (one side is a copy of the other) goes to the upper side, so that the lower one is
+/// named.
+#[must_use]
+pub fn orientation(shell: Shell<'_>) -> f64 {
+    let votes = |is_upper: bool| {
+        let signs = shell.quads().flat_map(|quad| cell_jacobians(shell, is_upper, quad));
+        signs.map(|j| i64::from(j > 0.0) - i64::from(j < 0.0)).sum::<i64>()
+    };
+    let (upper, lower) = (votes(true), votes(false));
+    let decided = if upper == lower { upper } else { upper - lower };
+    if decided >= 0 { 1.0 } else { -1.0 }
+}
+
+fn judged_cell(shell: Shell<'_>, orientation: f64, is_upper: bool, quad: Quad) -> Option<Illegal> {
+    let jacobians = cell_jacobians(shell, is_upper, quad).map(Some);
+    judged(&jacobians, expected(orientation, is_upper), Part::cell(is_upper), (quad.i, quad.j))
+}
+
+fn judged_wedge(shell: Shell<'_>, orientation: f64, is_upper: bool, step: EdgeStep) -> Option<Illegal> {
+    let cols = shell.size.cols;
+    let jacobians = wedge_jacobians(shell, is_upper, step);
+    let at = (step.nodes[0] / cols, step.nodes[0] % cols);
+    judged(&jacobians, expected(orientation, is_upper), Part::wedge(is_upper), at)
+}
+
+fn expected(orientation: f64, is_upper: bool) -> f64 {
+    if is_upper { orientation } else { -orientation }
+}
+
+/// The last Jacobian is that of the centre. What is no number is bad.
+fn judged(jacobians: &[Option<f64>], expected: f64, part: Part, (i, j): (usize, usize)) -> Option<Illegal> {
+    let is_bad = |jacobian: &Option<f64>| jacobian.is_some_and(|j| j.is_nan() || j * expected <= 0.0);
+    let (centre, corners) = jacobians.split_last()?;
+    let found =
+        Illegal { part, i, j, corners: corners.iter().filter(|c| is_bad(c)).count(), is_centre_bad: is_bad(centre) };
+    (found.corners > 0 || found.is_centre_bad).then_some(found)
+}
+
+/// Jacobians of the trilinear map of a cell: four corners on the medial quad, four on the
+/// surface, the centre.
+fn cell_jacobians(shell: Shell<'_>, is_upper: bool, quad: Quad) -> [f64; 9] {
+    cell_edges([shell.medial, shell.skin(is_upper)].map(|layer| quad.nodes.map(|n| layer[n]))).map(determinant)
+}
+
+/// The derivatives along i, along j and across, in the same nine places, of the trilinear map of the
+/// cell between two quads, the medial one first.
+#[must_use]
+pub fn cell_edges(layers: [[Point3<f64>; 4]; 2]) -> [[Vector3<f64>; 3]; 9] {
+    let across = |k: usize| layers[1][k] - layers[0][k];
+    let along_i = |layer: &[Point3<f64>; 4], k: usize| layer[2 | (k & 1)] - layer[k & 1];
+    let along_j = |layer: &[Point3<f64>; 4], k: usize| layer[(k & 2) | 1] - layer[k & 2];
+    let mut edges = [[Vector3::zeros(); 3]; 9];
+    let mut middle = [Vector3::zeros(); 3];
+    for (slot, edges) in edges.iter_mut().take(8).enumerate() {
+        let (layer, k) = (&layers[slot / 4], slot % 4);
+        *edges = [along_i(layer, k), along_j(layer, k), across(k)];
+        // In the centre the derivatives are the means of the edges of a direction.
+        middle = [middle[0] + edges[0], middle[1] + edges[1], middle[2] + edges[2]];
+    }
+    edges[8] = middle.map(|sum| sum / 8.0);
+    edges
+}
+
+/// Jacobians of a wedge's map: three corners at each end, the centre. Signs agree with the cells
+/// of the side. At an end where the crest has merged with the surface node the triangle has no
+/// area and the corners have no sign; a wedge merged at both ends has no volume. That is a sharp
+/// rim, nothing is turned over there, and nothing is looked at (`None`).
+fn wedge_jacobians(shell: Shell<'_>, is_upper: bool, step: EdgeStep) -> [Option<f64>; 7] {
+    let skin = shell.skin(is_upper);
+    let places = [step.here, step.next];
+    let triangle = |end: usize| {
+        let node = step.nodes[end];
+        [shell.medial[node], shell.crest[places[end]], skin[node]]
+    };
+    let ends = [triangle(0), triangle(1)];
+    let is_merged = [0, 1].map(|end| shell.is_merged(is_upper, places[end], step.nodes[end]));
+    let sides = ends.map(|[medial, crest, skin]| [crest - medial, skin - medial]);
+    let along = [0, 1, 2].map(|corner| ends[1][corner] - ends[0][corner]);
+    let mut jacobians = [None; 7];
+    for (slot, jacobian) in jacobians.iter_mut().take(6).enumerate() {
+        let [crest, skin] = sides[slot / 3];
+        *jacobian = (!is_merged[slot / 3]).then(|| determinant([crest, skin, along[slot % 3]]));
+    }
+    if is_merged != [true, true] {
+        let [crest, skin] = [0, 1].map(|side| (sides[0][side] + sides[1][side]) / 2.0);
+        jacobians[6] = Some(determinant([crest, skin, (along[0] + along[1] + along[2]) / 3.0]));
+    }
+    jacobians
+}
+
+/// Determinant of three columns.
+#[must_use]
+pub fn determinant([a, b, c]: [Vector3<f64>; 3]) -> f64 {
+    a.cross(&b).dot(&c)
+}
