@@ -40,6 +40,8 @@
 //!
 //! Modules in reading order:
 
+pub mod cancel;
+
 pub mod space;
 
 pub mod numerics;
@@ -52,20 +54,28 @@ pub mod model;
 
 pub mod pipeline;
 
-pub mod problem;
-
 pub mod formats;
 
+#[cfg(feature = "service")]
+pub mod problem;
+
+#[cfg(feature = "service")]
 pub mod webhook;
 
+#[cfg(feature = "service")]
 pub mod audit;
 
+#[cfg(feature = "service")]
 pub mod metrics;
 
+#[cfg(feature = "service")]
 pub mod jobs;
 
+#[cfg(feature = "service")]
 pub mod http;
 
+#[cfg(feature = "service")]
 pub mod config;
 
+#[cfg(feature = "service")]
 pub mod cli;

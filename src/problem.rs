@@ -5,6 +5,8 @@ use std::io;
 
 use serde::{Deserialize, Serialize};
 
+use crate::formats::ReadError;
+use crate::formats::params_json::ParamsJsonError;
 use crate::model::Refusal;
 use crate::params::ParamsError;
 
@@ -107,5 +109,39 @@ impl From<&ParamsError> for Problem {
         Self::new(422, "invalid_params", error.to_string())
             .at(format!("params.{}", error.field))
             .hint(format!("allowed is {}", error.allowed))
+    }
+}
+
+impl From<&ReadError> for Problem {
+    fn from(error: &ReadError) -> Self {
+        if matches!(error, ReadError::Io(_) | ReadError::Cancelled(_)) {
+            return Self::internal();
+        }
+        Self::new(error.status(), error.code(), error.to_string()).at(error.location()).hint(error.hint())
+    }
+}
+
+impl From<&ParamsJsonError> for Problem {
+    fn from(error: &ParamsJsonError) -> Self {
+        match error {
+            ParamsJsonError::Syntax { .. } => Self::new(400, "malformed_params", error.to_string())
+                .at("params")
+                .hint("send one JSON object, such as {\"grid\": {\"rows\": 6, \"cols\": 8}}"),
+            ParamsJsonError::Field(error) => Self::from(error),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::formats::params_json::parse;
+
+    #[test]
+    fn an_unknown_correspondence_is_refused_with_those_there_are() {
+        let problem = Problem::from(&parse(br#"{"correspondence": "nearest"}"#).unwrap_err());
+        assert_eq!((problem.status, problem.code.as_str()), (422, "invalid_params"));
+        assert_eq!(problem.location.as_deref(), Some("params.correspondence"));
+        assert!(problem.detail.contains("\"anchored\" or \"paper\""), "{}", problem.detail);
     }
 }

@@ -12,6 +12,7 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::{complain, exit};
+use crate::cancel::Cancel;
 use crate::formats::params_json;
 use crate::jobs::process::{self, InputLimits, ProcessError};
 use crate::model::SHAPE_CODES;
@@ -157,6 +158,8 @@ impl Bars {
         }
     }
 }
+
+impl Cancel for Bars {}
 
 impl Observer for Bars {
     fn progress(&self, structure: usize, structures: usize, stage: Stage, fraction: f64) {

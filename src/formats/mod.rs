@@ -38,4 +38,5 @@ pub mod tables;
 
 pub use nifti::{InputLimits, ReadVolume, read, read_file};
 pub use read_error::ReadError;
+#[cfg(feature = "service")]
 pub(crate) use stream::hex;

@@ -12,7 +12,7 @@ use super::nifti_voxels::{Voxels, read_voxels};
 use super::read_error::ReadError;
 use super::sniff::{GZIP_MAGIC, SNIFF_BYTES, Version, sniff};
 use super::stream::Stream;
-use crate::numerics::cancel::{GoOn, to_the_end};
+use crate::cancel::{Cancel, Never};
 use crate::space::{Grid, LabelVolume, VolumeNotice};
 
 /// Bytes tolerated after the last voxel: some tools pad or append. More means that the header
@@ -47,12 +47,12 @@ pub struct ReadVolume {
     pub format: &'static str,
 }
 
-/// Reads the file at `path`. `go_on` is asked every few hundred kilobytes.
+/// Reads the file at `path`. `cancel` is asked every few hundred kilobytes.
 ///
 /// # Errors
-/// As [`read`], and those of `go_on`.
-pub fn read_file(path: &Path, limits: InputLimits, go_on: &GoOn<'_>) -> Result<ReadVolume, ReadError> {
-    read_while(File::open(path).map_err(ReadError::Io)?, limits, go_on)
+/// As [`read`], and those of `cancel`.
+pub fn read_file(path: &Path, limits: InputLimits, cancel: &dyn Cancel) -> Result<ReadVolume, ReadError> {
+    read_while(File::open(path).map_err(ReadError::Io)?, limits, cancel)
 }
 
 /// Reads a NIfTI-1 or NIfTI-2 file, plain or gzip.
@@ -60,11 +60,11 @@ pub fn read_file(path: &Path, limits: InputLimits, go_on: &GoOn<'_>) -> Result<R
 /// # Errors
 /// When it is no single-volume label map, is damaged, or is larger than `limits`.
 pub fn read(source: impl Read, limits: InputLimits) -> Result<ReadVolume, ReadError> {
-    read_while(source, limits, &to_the_end)
+    read_while(source, limits, &Never)
 }
 
-fn read_while(source: impl Read, limits: InputLimits, go_on: &GoOn<'_>) -> Result<ReadVolume, ReadError> {
-    let mut stream = Stream::open(source, limits.max_decompressed_bytes, go_on)?;
+fn read_while(source: impl Read, limits: InputLimits, cancel: &dyn Cancel) -> Result<ReadVolume, ReadError> {
+    let mut stream = Stream::open(source, limits.max_decompressed_bytes, cancel)?;
     let (raw, layout, version) = read_header(&mut stream, limits)?;
     let mut notices = Vec::new();
     let world_from_voxel = world_from_voxel(&raw, layout.dims, &mut notices)?;
@@ -110,7 +110,7 @@ pub struct HeaderFacts {
 /// When the header alone shows that [`read`] will fail.
 pub fn check_header(path: &Path, limits: InputLimits) -> Result<HeaderFacts, ReadError> {
     let file = File::open(path).map_err(ReadError::Io)?;
-    let mut stream = Stream::open(file, limits.max_decompressed_bytes, &to_the_end)?;
+    let mut stream = Stream::open(file, limits.max_decompressed_bytes, &Never)?;
     let (raw, layout, _) = read_header(&mut stream, limits)?;
     world_from_voxel(&raw, layout.dims, &mut Vec::new())?;
     Ok(HeaderFacts { voxels: layout.voxels as u64, is_compressed: stream.is_compressed() })

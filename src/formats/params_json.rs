@@ -9,7 +9,6 @@ use crate::params::{
     CheckedParams, Correspondence, GridChoice, LABEL_COUNT, Landmarks, LatticeKind, Neighbors, Params, ParamsError,
     Prune,
 };
-use crate::problem::Problem;
 
 /// Longest text accepted: a thousand labels take 20 kB.
 pub const MAX_BYTES: usize = 1 << 16;
@@ -44,17 +43,6 @@ pub enum ParamsJsonError {
     /// A field is unknown, of the wrong type or out of range.
     #[error(transparent)]
     Field(#[from] ParamsError),
-}
-
-impl From<&ParamsJsonError> for Problem {
-    fn from(error: &ParamsJsonError) -> Self {
-        match error {
-            ParamsJsonError::Syntax { .. } => Self::new(400, "malformed_params", error.to_string())
-                .at("params")
-                .hint("send one JSON object, such as {\"grid\": {\"rows\": 6, \"cols\": 8}}"),
-            ParamsJsonError::Field(error) => Self::from(error),
-        }
-    }
 }
 
 /// Parses and checks.
@@ -385,14 +373,6 @@ mod tests {
         let twice = parse(br#"{"margin": 0.1, "margin": 0.2}"#).unwrap_err();
         assert!(twice.to_string().contains("\"margin\" is there twice"), "{twice}");
         assert!(parse(br#"{"grid": {"rows": 6, "rows": 6, "cols": 8}}"#).is_err());
-    }
-
-    #[test]
-    fn an_unknown_correspondence_is_refused_with_those_there_are() {
-        let problem = Problem::from(&parse(br#"{"correspondence": "nearest"}"#).unwrap_err());
-        assert_eq!((problem.status, problem.code.as_str()), (422, "invalid_params"));
-        assert_eq!(problem.location.as_deref(), Some("params.correspondence"));
-        assert!(problem.detail.contains("\"anchored\" or \"paper\""), "{}", problem.detail);
     }
 
     #[test]

@@ -1,8 +1,7 @@
 //! Why a file is refused. The fields hold numbers and fixed words only: text of a header may
 //! name a patient.
 
-use crate::numerics::cancel::Cancelled;
-use crate::problem::Problem;
+use crate::cancel::Cancelled;
 
 /// A file that is not read. Every variant has its own stable code.
 #[derive(Debug, thiserror::Error)]
@@ -211,14 +210,5 @@ impl ReadError {
             Self::TooManyLabels { .. } => "send a label map, not an intensity image",
             Self::Io(_) | Self::Cancelled(_) => "try again later",
         }
-    }
-}
-
-impl From<&ReadError> for Problem {
-    fn from(error: &ReadError) -> Self {
-        if matches!(error, ReadError::Io(_) | ReadError::Cancelled(_)) {
-            return Self::internal();
-        }
-        Self::new(error.status(), error.code(), error.to_string()).at(error.location()).hint(error.hint())
     }
 }

@@ -7,7 +7,7 @@ use sha2::{Digest, Sha256};
 
 use super::read_error::ReadError;
 use super::sniff::GZIP_MAGIC;
-use crate::numerics::cancel::GoOn;
+use crate::cancel::Cancel;
 
 /// A buffered source that hashes all that passes.
 struct Hashed<R> {
@@ -37,7 +37,7 @@ enum Inner<R: Read> {
 /// A file's content.
 pub(super) struct Stream<'a, R: Read> {
     inner: Inner<R>,
-    go_on: &'a GoOn<'a>,
+    cancel: &'a dyn Cancel,
     compressed: bool,
     position: u64,
     limit: u64,
@@ -51,11 +51,11 @@ pub(super) struct Digested {
 
 impl<'a, R: Read> Stream<'a, R> {
     /// Opens; gzip is told by its magic. No more than `limit` bytes will come out.
-    pub fn open(source: R, limit: u64, go_on: &'a GoOn<'a>) -> Result<Self, ReadError> {
+    pub fn open(source: R, limit: u64, cancel: &'a dyn Cancel) -> Result<Self, ReadError> {
         let mut source = BufReader::with_capacity(1 << 16, Hashed { source, hash: Sha256::new(), bytes: 0 });
         let compressed = source.fill_buf().map_err(ReadError::Io)?.starts_with(&GZIP_MAGIC);
         let inner = if compressed { Inner::Gzip(Box::new(GzDecoder::new(source))) } else { Inner::Plain(source) };
-        Ok(Self { inner, go_on, compressed, position: 0, limit })
+        Ok(Self { inner, cancel, compressed, position: 0, limit })
     }
 
     /// Whether it was gzip.
@@ -70,7 +70,7 @@ impl<'a, R: Read> Stream<'a, R> {
 
     /// Whether to go on reading.
     pub fn check(&self) -> Result<(), ReadError> {
-        Ok((self.go_on)()?)
+        Ok(self.cancel.check()?)
     }
 
     /// Fills `buffer` as far as the content goes, unless it is told to stop.

@@ -8,12 +8,13 @@ use std::time::Instant;
 
 use sha2::{Digest, Sha256};
 
+use crate::cancel::Cancelled;
 use crate::formats::thickness_json::{InputFacts, OuterTimings};
 use crate::formats::{self, ReadError, glb, hex, tables, thickness_json};
 use crate::model::Model;
 use crate::model::{Stage, Warning};
 use crate::params::CheckedParams;
-use crate::pipeline::observer::{Cancelled, Observer, Silent};
+use crate::pipeline::observer::{Observer, Silent};
 use crate::pipeline::{self, PipelineError};
 use crate::problem::Problem;
 
@@ -117,7 +118,7 @@ pub fn process(
 ) -> Result<Processed, ProcessError> {
     let start = Instant::now();
     remove_artifacts(out);
-    let read = formats::read_file(mask, limits, &|| observer.check())?;
+    let read = formats::read_file(mask, limits, observer)?;
     let read_ms = milliseconds(start);
     let model = pipeline::run(&read.volume, params, observer)?;
     let notices = read.volume.notices;

@@ -8,6 +8,7 @@ use tokio_util::sync::CancellationToken;
 
 use super::changes::Changes;
 use super::store::Lease;
+use crate::cancel::Cancel;
 use crate::model::Stage;
 use crate::pipeline::observer::Observer;
 
@@ -131,7 +132,9 @@ impl Observer for Running {
         self.progress.lock().unwrap_or_else(PoisonError::into_inner).tell_repeat(structure, structures, done, repeats);
         self.changes.step(self.lease.id);
     }
+}
 
+impl Cancel for Running {
     fn is_cancelled(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }

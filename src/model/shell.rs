@@ -5,7 +5,6 @@ use nalgebra::Point3;
 
 use crate::model::LatticeSize;
 use crate::model::{Figure, ring};
-use crate::pipeline::vectors::Nodes;
 
 /// A crest point this near to a surface node is that node, as a share of the longer of the two
 /// vectors to them. Larger, a thin but open wedge would count as closed and never be looked at;
@@ -27,19 +26,6 @@ pub struct Shell<'a> {
     pub crest: &'a [Point3<f64>],
     /// Whether a node lies on the sheet; parts with a node that does not are no parts.
     pub valid: &'a [bool],
-}
-
-impl<'a> From<&'a Nodes> for Shell<'a> {
-    fn from(nodes: &'a Nodes) -> Self {
-        Self {
-            size: nodes.size,
-            medial: &nodes.medial,
-            upper: &nodes.upper,
-            lower: &nodes.lower,
-            crest: &nodes.crest,
-            valid: &nodes.valid,
-        }
-    }
 }
 
 impl<'a> From<&'a Figure> for Shell<'a> {

@@ -12,6 +12,12 @@ pub struct PerSurface<T> {
 }
 
 impl<T> PerSurface<T> {
+    /// Something of each of the three.
+    #[must_use]
+    pub fn map<'a, U>(&'a self, of: impl Fn(&'a T) -> U) -> PerSurface<U> {
+        PerSurface { medial: of(&self.medial), upper: of(&self.upper), lower: of(&self.lower) }
+    }
+
     /// The three with their names, in the order medial, upper, lower.
     #[must_use]
     pub fn named(&self) -> [(&'static str, &T); 3] {

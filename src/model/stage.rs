@@ -1,11 +1,13 @@
 //! The stages that a result comes through, and the time each took.
 
+use std::time::Duration;
+
 /// The stages in the order of the paper; their names are those of `timings_ms`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Stage {
-    /// Cutting out, cleaning, resampling and smoothing the mask, and its sub-voxel skin.
+    /// Cutting out, cleaning, resampling and smoothing the mask.
     Mask,
-    /// The depth of every voxel below the skin.
+    /// The sub-voxel skin, and the depth of every voxel below it.
     Distance,
     /// Thinning to the medial surface.
     Skeleton,
@@ -63,6 +65,11 @@ impl StageTimings {
     #[must_use]
     pub fn of(&self, stage: Stage) -> f64 {
         self.0[stage as usize]
+    }
+
+    /// Adds to the time of one stage.
+    pub fn add(&mut self, stage: Stage, time: Duration) {
+        self.0[stage as usize] += time.as_secs_f64() * 1e3;
     }
 
     /// Milliseconds of all stages.

@@ -6,8 +6,8 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::cancel::{Cancelled, GoOn};
 use super::field::id;
+use crate::cancel::{Cancel, Cancelled};
 
 /// Balls of a box that is not split further.
 const LEAF: usize = 8;
@@ -45,12 +45,12 @@ impl Balls {
     /// From centres and radii, which must be finite.
     ///
     /// # Errors
-    /// Those of `go_on`.
-    pub fn new(balls: &[(Point3<f64>, f64)], go_on: &GoOn<'_>) -> Result<Self, Cancelled> {
+    /// When it is cancelled.
+    pub fn new(balls: &[(Point3<f64>, f64)], cancel: &dyn Cancel) -> Result<Self, Cancelled> {
         let mut all: Vec<_> = balls.iter().enumerate().map(|(n, &(m, r))| (m, r, id(n))).collect();
         let mut boxes = Vec::new();
         if !all.is_empty() {
-            split(&mut all, 0, &mut boxes, go_on)?;
+            split(&mut all, 0, &mut boxes, cancel)?;
         }
         Ok(Self { boxes, balls: all })
     }
@@ -91,9 +91,9 @@ fn split(
     balls: &mut [(Point3<f64>, f64, u32)],
     from: usize,
     boxes: &mut Vec<Bounds>,
-    go_on: &GoOn<'_>,
+    cancel: &dyn Cancel,
 ) -> Result<(), Cancelled> {
-    go_on()?;
+    cancel.check()?;
     let low = balls.iter().fold(balls[0].0, |low, b| low.inf(&b.0));
     let high = balls.iter().fold(balls[0].0, |high, b| high.sup(&b.0));
     let largest = balls.iter().map(|b| b.1).fold(0.0, f64::max);
@@ -106,22 +106,22 @@ fn split(
     let middle = balls.len() / 2;
     balls.select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.2.cmp(&b.2)));
     let (first, second) = balls.split_at_mut(middle);
-    split(first, from, boxes, go_on)?;
+    split(first, from, boxes, cancel)?;
     boxes[own].second = id(boxes.len());
-    split(second, from + middle, boxes, go_on)
+    split(second, from + middle, boxes, cancel)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::cancel::to_the_end;
     use super::*;
+    use crate::cancel::Never;
 
     #[test]
     fn the_nearest_is_the_one_that_looking_at_all_finds() {
         let of = |n: usize, k: usize| ((n * n * 37 + n * 7919 * k) % 1009) as f64 / 50.0;
         let balls: Vec<_> =
             (0..700).map(|n| (Point3::new(of(n, 1), of(n, 2), 0.1 * of(n, 3)), of(n, 5) / 4.0)).collect();
-        let tree = Balls::new(&balls, &to_the_end).expect("not stopped");
+        let tree = Balls::new(&balls, &Never).expect("not stopped");
         for n in 0..300 {
             let p = Point3::new(of(n, 7), of(n, 11), of(n, 13));
             let power = |k: usize| (p - balls[k].0).norm_squared() - balls[k].1.powi(2);
@@ -132,7 +132,7 @@ mod tests {
 
     #[test]
     fn without_balls_none_is_nearest_and_of_equal_ones_the_first_is() {
-        let nearest = |balls: &[_]| Balls::new(balls, &to_the_end).expect("not stopped").nearest(Point3::origin());
+        let nearest = |balls: &[_]| Balls::new(balls, &Never).expect("not stopped").nearest(Point3::origin());
         assert_eq!(nearest(&[]), None);
         assert_eq!(nearest(&[(Point3::new(1.0, 0.0, 0.0), 0.5); 40]), Some(0));
     }

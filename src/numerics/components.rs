@@ -7,8 +7,8 @@ use rayon::prelude::*;
 
 use crate::space::Grid;
 
-use super::cancel::{Cancelled, GoOn};
 use super::field::id;
+use crate::cancel::{Cancel, Cancelled};
 
 /// Which voxels touch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,20 +76,20 @@ impl Components {
 /// Components of the voxels of `grid` that are `value`.
 ///
 /// # Errors
-/// Those of `go_on`.
+/// When it is cancelled.
 pub fn components(
     grid: &Grid<bool>,
     value: bool,
     connectivity: Connectivity,
-    go_on: &GoOn<'_>,
+    cancel: &dyn Cancel,
 ) -> Result<Components, Cancelled> {
-    /// Runs that are numbered between two looks at `go_on`.
+    /// Runs that are numbered between two looks at whether to stop.
     const RUNS: usize = 1 << 16;
     let [width, ny, nz] = grid.dims();
-    let (runs, first_of_row) = runs_of(grid, value, go_on)?;
+    let (runs, first_of_row) = runs_of(grid, value, cancel)?;
     let mut parent: Vec<u32> = (0..id(runs.len())).collect();
     for (k, j) in (0..nz).flat_map(|k| (0..ny).map(move |j| (k, j))) {
-        go_on()?;
+        cancel.check()?;
         let row = j + ny * k;
         let is_diagonal = connectivity == Connectivity::Corners26;
         let before = [
@@ -106,7 +106,7 @@ pub fn components(
     let (mut number, mut sizes) = (vec![0; runs.len()], Vec::new());
     for (k, run) in runs.iter().enumerate() {
         if k.is_multiple_of(RUNS) {
-            go_on()?;
+            cancel.check()?;
         }
         // The root of a component is its first run.
         let root = root(&mut parent, id(k)) as usize;
@@ -118,10 +118,10 @@ pub fn components(
 }
 
 /// All runs, and the number of the first run of every row, with that of all at the end.
-fn runs_of(grid: &Grid<bool>, value: bool, go_on: &GoOn<'_>) -> Result<(Vec<Run>, Vec<usize>), Cancelled> {
+fn runs_of(grid: &Grid<bool>, value: bool, cancel: &dyn Cancel) -> Result<(Vec<Run>, Vec<usize>), Cancelled> {
     let [nx, ny, _] = grid.dims();
     let of_plane = |(k, plane): (usize, &[bool])| {
-        go_on()?;
+        cancel.check()?;
         let mut runs = Vec::new();
         for (j, row) in plane.chunks_exact(nx).enumerate() {
             let mut at = 0;
@@ -178,12 +178,12 @@ fn unite(parent: &mut [u32], a: u32, b: u32) {
 /// Voxels that are `value` with a face on one that is not, ascending. The grid's edge is no face.
 ///
 /// # Errors
-/// Those of `go_on`.
-pub fn boundary_voxels(grid: &Grid<bool>, value: bool, go_on: &GoOn<'_>) -> Result<Vec<usize>, Cancelled> {
+/// When it is cancelled.
+pub fn boundary_voxels(grid: &Grid<bool>, value: bool, cancel: &dyn Cancel) -> Result<Vec<usize>, Cancelled> {
     let [nx, ny, nz] = grid.dims();
     let cells = grid.as_slice();
     let of_row = |row: usize| {
-        go_on()?;
+        cancel.check()?;
         let (j, k, start) = (row % ny, row / ny, row * nx);
         let at = |row: usize| &cells[row * nx..(row + 1) * nx];
         let own = at(row);
@@ -233,8 +233,8 @@ pub fn neighbors(dims: [usize; 3], offset: usize, connectivity: Connectivity, mu
 
 #[cfg(test)]
 mod tests {
-    use super::super::cancel::to_the_end;
     use super::*;
+    use crate::cancel::Never;
 
     /// Sizes in the order of the first voxel, by growing one voxel at a time.
     fn grown(grid: &Grid<bool>, connectivity: Connectivity) -> Vec<usize> {
@@ -263,7 +263,7 @@ mod tests {
             let cells = (0..504usize).map(|o| (o * o * 31 + o * 7919 + 13) % 1009 % divisor < limit).collect();
             let grid = Grid::from_vec(dims, cells).expect("9 × 8 × 7 voxels");
             for connectivity in [Connectivity::Faces6, Connectivity::Corners26] {
-                let found = components(&grid, true, connectivity, &to_the_end).expect("not stopped");
+                let found = components(&grid, true, connectivity, &Never).expect("not stopped");
                 assert_eq!(found.sizes, grown(&grid, connectivity));
             }
         }
@@ -272,7 +272,7 @@ mod tests {
     #[test]
     fn an_empty_set_has_no_component() {
         let empty = Grid::filled([3, 2, 2], false);
-        let found = components(&empty, true, Connectivity::Corners26, &to_the_end).expect("not stopped");
+        let found = components(&empty, true, Connectivity::Corners26, &Never).expect("not stopped");
         assert!(found.sizes.is_empty() && found.largest().is_none() && found.of_first_voxel().is_none());
     }
 }

@@ -7,8 +7,8 @@ use rayon::prelude::*;
 
 use crate::space::Grid;
 
-use super::cancel::{Cancelled, GoOn};
 use super::field::id;
+use crate::cancel::{Cancel, Cancelled};
 
 /// No seed anywhere.
 pub const NO_SEED: u32 = u32::MAX;
@@ -30,14 +30,14 @@ pub struct Nearest {
 /// `spacing` are the voxel's edges. Without a seed all distances are infinite.
 ///
 /// # Errors
-/// Those of `go_on`.
+/// When it is cancelled.
 pub fn nearest_seed(
     dims: [usize; 3],
     spacing: [f64; 3],
     seeds: &[usize],
-    go_on: &GoOn<'_>,
+    cancel: &dyn Cancel,
 ) -> Result<Nearest, Cancelled> {
-    transform(dims, spacing, seeds, None, go_on)
+    transform(dims, spacing, seeds, None, cancel)
 }
 
 /// The same for the voxels of a set only, whose boundary voxels (those with a face on the outside)
@@ -48,9 +48,9 @@ pub fn nearest_seed(
 /// voxels.
 ///
 /// # Errors
-/// Those of `go_on`.
-pub fn nearest_seed_within(set: &Grid<bool>, seeds: &[usize], go_on: &GoOn<'_>) -> Result<Nearest, Cancelled> {
-    transform(set.dims(), [1.0; 3], seeds, Some(set), go_on)
+/// When it is cancelled.
+pub fn nearest_seed_within(set: &Grid<bool>, seeds: &[usize], cancel: &dyn Cancel) -> Result<Nearest, Cancelled> {
+    transform(set.dims(), [1.0; 3], seeds, Some(set), cancel)
 }
 
 fn transform(
@@ -58,15 +58,15 @@ fn transform(
     spacing: [f64; 3],
     seeds: &[usize],
     set: Option<&Grid<bool>>,
-    go_on: &GoOn<'_>,
+    cancel: &dyn Cancel,
 ) -> Result<Nearest, Cancelled> {
-    /// Seeds that are set between two looks at `go_on`.
+    /// Seeds that are set between two looks at whether to stop.
     const SEEDS: usize = 1 << 18;
-    let mut squared = Grid::try_filled(dims, f32::INFINITY, go_on)?;
-    let mut seed = Grid::try_filled(dims, NO_SEED, go_on)?;
+    let mut squared = Grid::try_filled(dims, f32::INFINITY, cancel)?;
+    let mut seed = Grid::try_filled(dims, NO_SEED, cancel)?;
     for (number, &offset) in seeds.iter().enumerate() {
         if number.is_multiple_of(SEEDS) {
-            go_on()?;
+            cancel.check()?;
         }
         squared.as_mut_slice()[offset] = 0.0;
         seed.as_mut_slice()[offset] = id(number);
@@ -74,7 +74,7 @@ fn transform(
     let [nx, ny, nz] = dims;
     let rows = squared.as_mut_slice().par_chunks_mut(nx).zip(seed.as_mut_slice().par_chunks_mut(nx));
     rows.enumerate().with_min_len(64).try_for_each(|(n, (squared, seed))| {
-        go_on()?;
+        cancel.check()?;
         along_row(squared, seed, spacing[0], |x| set.is_none_or(|set| set.as_slice()[n * nx + x]));
         Ok(())
     })?;
@@ -84,7 +84,7 @@ fn transform(
             let row = |line: usize| if axis == 1 { line + ny * n } else { n + ny * line };
             let mut lines = Lines::new(if axis == 1 { ny } else { nz }, spacing[axis]);
             for from in (0..nx).step_by(LINES) {
-                go_on()?;
+                cancel.check()?;
                 let taken = from..(from + LINES).min(nx);
                 lines.work_on(&mut squared, &mut seed, taken, |line, x| {
                     set.is_none_or(|set| set.as_slice()[row(line) * nx + x])
@@ -239,9 +239,9 @@ impl Envelope {
 
 #[cfg(test)]
 mod tests {
-    use super::super::cancel::to_the_end;
     use super::super::components::{Connectivity, neighbors};
     use super::*;
+    use crate::cancel::Never;
 
     fn brute_force(dims: [usize; 3], spacing: [f64; 3], seeds: &[usize], offset: usize) -> f64 {
         let grid = Grid::filled(dims, ());
@@ -257,7 +257,7 @@ mod tests {
     fn agrees_with_brute_force_on_anisotropic_voxels() {
         let (dims, spacing) = ([19, 7, 8], [1.0, 2.5, 0.7]);
         let seeds: Vec<usize> = (0..19 * 7 * 8usize).filter(|o| (o * 7919 + 13).is_multiple_of(97)).collect();
-        let found = nearest_seed(dims, spacing, &seeds, &to_the_end).expect("not stopped");
+        let found = nearest_seed(dims, spacing, &seeds, &Never).expect("not stopped");
         for o in 0..19 * 7 * 8 {
             let best = brute_force(dims, spacing, &seeds, o);
             let seed = seeds[found.seed.as_slice()[o] as usize];
@@ -282,7 +282,7 @@ mod tests {
             set.as_slice()[*o] && open
         };
         let seeds: Vec<usize> = (0..set.as_slice().len()).filter(on_boundary).collect();
-        let found = nearest_seed_within(&set, &seeds, &to_the_end).expect("not stopped");
+        let found = nearest_seed_within(&set, &seeds, &Never).expect("not stopped");
         for o in 0..set.as_slice().len() {
             let squared = f64::from(found.squared.as_slice()[o]);
             if set.as_slice()[o] {
@@ -295,7 +295,7 @@ mod tests {
 
     #[test]
     fn without_a_seed_everything_is_infinitely_far() {
-        let found = nearest_seed([3, 3, 3], [1.0; 3], &[], &to_the_end).expect("not stopped");
+        let found = nearest_seed([3, 3, 3], [1.0; 3], &[], &Never).expect("not stopped");
         assert!(found.squared.as_slice().iter().all(|d| d.is_infinite()));
     }
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-use super::cancel::{Cancelled, GoOn};
+use crate::cancel::{Cancel, Cancelled};
 
 /// Above this size the whole spectrum costs more than iterating on the part wanted.
 const WHOLE_SPECTRUM_LIMIT: usize = 160;
@@ -26,12 +26,12 @@ pub struct Leading {
 /// two rows, holds a number that is not finite, or the iteration does not settle.
 ///
 /// # Errors
-/// Those of `go_on`.
-pub fn leading_two(matrix: DMatrix<f64>, go_on: &GoOn<'_>) -> Result<Option<Leading>, Cancelled> {
+/// When it is cancelled.
+pub fn leading_two(matrix: DMatrix<f64>, cancel: &dyn Cancel) -> Result<Option<Leading>, Cancelled> {
     if matrix.nrows() < 2 || matrix.iter().any(|x| !x.is_finite()) {
         return Ok(None);
     }
-    if matrix.nrows() <= WHOLE_SPECTRUM_LIMIT { Ok(whole(matrix)) } else { iterate(&matrix, go_on) }
+    if matrix.nrows() <= WHOLE_SPECTRUM_LIMIT { Ok(whole(matrix)) } else { iterate(&matrix, cancel) }
 }
 
 fn whole(matrix: DMatrix<f64>) -> Option<Leading> {
@@ -49,13 +49,13 @@ fn whole(matrix: DMatrix<f64>) -> Option<Leading> {
 /// Block subspace iteration with Rayleigh-Ritz. The matrix is shifted by a bound of its most
 /// negative eigenvalue's size only through the choice of the largest Ritz values: geodesic Gram
 /// matrices have small negative parts.
-fn iterate(matrix: &DMatrix<f64>, go_on: &GoOn<'_>) -> Result<Option<Leading>, Cancelled> {
+fn iterate(matrix: &DMatrix<f64>, cancel: &dyn Cancel) -> Result<Option<Leading>, Cancelled> {
     let size = matrix.nrows();
     let mut block = DMatrix::from_fn(size, BLOCK, start_entry);
     let mut before = [0.0; 2];
     for _ in 0..MAX_ROUNDS {
-        let basis = product(matrix, &block, go_on)?.qr().q();
-        let image = product(matrix, &basis, go_on)?;
+        let basis = product(matrix, &block, cancel)?.qr().q();
+        let image = product(matrix, &basis, cancel)?;
         let small = basis.transpose() * &image;
         let eigen = SymmetricEigen::try_new((&small + small.transpose()) * 0.5, f64::EPSILON, 1000);
         let Some(eigen) = eigen else { return Ok(None) };
@@ -74,12 +74,12 @@ fn iterate(matrix: &DMatrix<f64>, go_on: &GoOn<'_>) -> Result<Option<Leading>, C
 }
 
 /// The product of two matrices, some rows at a time.
-fn product(matrix: &DMatrix<f64>, block: &DMatrix<f64>, go_on: &GoOn<'_>) -> Result<DMatrix<f64>, Cancelled> {
+fn product(matrix: &DMatrix<f64>, block: &DMatrix<f64>, cancel: &dyn Cancel) -> Result<DMatrix<f64>, Cancelled> {
     /// Rows of a slice.
     const ROWS: usize = 1024;
     let mut product = DMatrix::zeros(matrix.nrows(), block.ncols());
     for from in (0..matrix.nrows()).step_by(ROWS) {
-        go_on()?;
+        cancel.check()?;
         let count = ROWS.min(matrix.nrows() - from);
         matrix.rows(from, count).mul_to(block, &mut product.rows_mut(from, count));
     }
@@ -93,8 +93,8 @@ fn start_entry(row: usize, column: usize) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::cancel::to_the_end;
     use super::*;
+    use crate::cancel::Never;
 
     #[test]
     fn both_ways_find_planted_eigenvalues() {
@@ -103,7 +103,7 @@ mod tests {
             let v = DVector::from_fn(size, |i, _| (i as f64 * 1.9).cos());
             let v = (&v - &u * u.dot(&v)).normalize();
             let matrix = &u * u.transpose() * 5.0 + &v * v.transpose() * 3.0 - DMatrix::identity(size, size) * 0.5;
-            let found = leading_two(matrix, &to_the_end).expect("not stopped").expect("settles");
+            let found = leading_two(matrix, &Never).expect("not stopped").expect("settles");
             assert!((found.values[0] - 4.5).abs() < 1e-6 && (found.values[1] - 2.5).abs() < 1e-6);
             assert!((found.vectors[0].dot(&u).abs() - 1.0).abs() < 1e-6);
         }
@@ -111,7 +111,7 @@ mod tests {
 
     #[test]
     fn a_zero_matrix_and_nan_are_decided() {
-        let found = |matrix| leading_two(matrix, &to_the_end).expect("not stopped");
+        let found = |matrix| leading_two(matrix, &Never).expect("not stopped");
         assert!(found(DMatrix::zeros(200, 200)).is_some_and(|l| l.values == [0.0, 0.0]));
         assert!(found(DMatrix::from_element(3, 3, f64::NAN)).is_none());
     }
@@ -120,6 +120,6 @@ mod tests {
     fn a_product_in_slices_is_that_of_the_whole_to_the_last_bit() {
         let matrix = DMatrix::from_fn(2500, 2500, |r, c| ((r * 31 + c * 17) as f64).sin());
         let block = DMatrix::from_fn(2500, BLOCK, start_entry);
-        assert_eq!(product(&matrix, &block, &to_the_end), Ok(&matrix * &block));
+        assert_eq!(product(&matrix, &block, &Never), Ok(&matrix * &block));
     }
 }

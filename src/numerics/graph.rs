@@ -2,8 +2,8 @@
 
 use std::hint::black_box;
 
-use super::cancel::{Cancelled, GoOn};
 use super::field::{floor_index, id};
+use crate::cancel::{Cancel, Cancelled};
 
 /// Bits that a length takes at most: with more, sums over tens of thousands of edges would not fit.
 const MOST_LENGTH_BITS: u32 = 16;
@@ -32,13 +32,13 @@ impl Graph {
     /// them. Lengths must be positive and finite, and every edge must be listed from both ends.
     ///
     /// # Errors
-    /// Those of `go_on`.
-    pub fn from_lists(lists: &[Vec<(u32, f32)>], order: &[u32], go_on: &GoOn<'_>) -> Result<Self, Cancelled> {
+    /// When it is cancelled.
+    pub fn from_lists(lists: &[Vec<(u32, f32)>], order: &[u32], cancel: &dyn Cancel) -> Result<Self, Cancelled> {
         let mut place = vec![0; order.len()];
         order.iter().enumerate().for_each(|(at, &node)| place[node as usize] = id(at));
         let (mut widest, mut longest) = (0, f32::MIN_POSITIVE);
         for (node, list) in lists.iter().enumerate() {
-            go_on()?;
+            cancel.check()?;
             for &(next, length) in list {
                 widest = widest.max(place[node].abs_diff(place[next as usize]));
                 longest = longest.max(length);
@@ -51,7 +51,7 @@ impl Graph {
         let unit = (f64::from(longest) / f64::from(most)).log2().ceil().exp2();
         let (mut rows, mut edges) = (vec![0], Vec::with_capacity(lists.iter().map(Vec::len).sum()));
         for (at, &node) in order.iter().enumerate() {
-            go_on()?;
+            cancel.check()?;
             for &(next, length) in &lists[node as usize] {
                 let units = id(floor_index(f64::from(length) / unit + 0.5)).clamp(1, most);
                 edges.push(place[next as usize].wrapping_sub(id(at)) << length_bits | units);
@@ -89,10 +89,10 @@ impl Graph {
     /// Length of the shortest path from `source` to every node; infinite where there is none.
     ///
     /// # Errors
-    /// Those of `go_on`.
-    pub fn geodesics(&self, source: usize, go_on: &GoOn<'_>) -> Result<Vec<f32>, Cancelled> {
+    /// When it is cancelled.
+    pub fn geodesics(&self, source: usize, cancel: &dyn Cancel) -> Result<Vec<f32>, Cancelled> {
         let mut distances = vec![UNREACHED; self.len()];
-        self.improve(&mut distances, self.place[source], go_on)?;
+        self.improve(&mut distances, self.place[source], cancel)?;
         #[expect(clippy::cast_possible_truncation, reason = "f32 is as exact as the units")]
         let length = |d: u32| if d == UNREACHED { f32::INFINITY } else { (f64::from(d) * self.unit) as f32 };
         Ok(self.place.iter().map(|&place| length(distances[place as usize])).collect())
@@ -101,16 +101,16 @@ impl Graph {
     /// `count` nodes each as far as can be from those before, the first as far as can be from node 0.
     ///
     /// # Errors
-    /// Those of `go_on`.
-    pub fn spread(&self, count: usize, go_on: &GoOn<'_>) -> Result<Vec<usize>, Cancelled> {
+    /// When it is cancelled.
+    pub fn spread(&self, count: usize, cancel: &dyn Cancel) -> Result<Vec<usize>, Cancelled> {
         let mut nearest = vec![UNREACHED; self.len()];
         let Some(&first) = self.place.first() else { return Ok(Vec::new()) };
-        self.improve(&mut nearest, first, go_on)?;
+        self.improve(&mut nearest, first, cancel)?;
         let mut next = self.farthest(&nearest);
         nearest.fill(UNREACHED);
         let mut nodes = Vec::new();
         while nodes.len() < count.min(self.len()) {
-            self.improve(&mut nearest, self.place[next], go_on)?;
+            self.improve(&mut nearest, self.place[next], cancel)?;
             nodes.push(next);
             next = self.farthest(&nearest);
         }
@@ -123,7 +123,7 @@ impl Graph {
     ///
     /// Nodes wait in buckets of equal width by their distance (Dial, CACM 12, 1969); one whose
     /// distance is lowered again within its bucket is gone through again, so the outcome is exact.
-    fn improve(&self, distances: &mut [u32], source: u32, go_on: &GoOn<'_>) -> Result<(), Cancelled> {
+    fn improve(&self, distances: &mut [u32], source: u32, cancel: &dyn Cancel) -> Result<(), Cancelled> {
         /// Buckets per longest edge, as bits. With more, more are searched in vain; with fewer, more
         /// nodes come twice.
         const BITS_PER_EDGE: u32 = 3;
@@ -131,7 +131,7 @@ impl Graph {
         const BUCKETS: usize = 16;
         /// Nodes that are gone through together.
         const BATCH: usize = 16;
-        /// Batches between two looks at `go_on`.
+        /// Batches between two looks at whether to stop.
         const BATCHES: usize = 256;
         let bucket_of = |distance: u32| (distance >> self.length_bits.saturating_sub(BITS_PER_EDGE)) as usize;
         let mut buckets: [Vec<(u32, u32)>; BUCKETS] = Default::default();
@@ -141,7 +141,7 @@ impl Graph {
         let (mut batch, mut batches) = (Vec::with_capacity(BATCH), 0usize);
         while waiting > 0 {
             if batches.is_multiple_of(BATCHES) {
-                go_on()?;
+                cancel.check()?;
             }
             batches += 1;
             let own = &mut buckets[bucket % BUCKETS];
@@ -188,8 +188,8 @@ impl Graph {
     /// Component number of every node, numbered by their first node, and their sizes.
     ///
     /// # Errors
-    /// Those of `go_on`.
-    pub fn components(&self, go_on: &GoOn<'_>) -> Result<(Vec<usize>, Vec<usize>), Cancelled> {
+    /// When it is cancelled.
+    pub fn components(&self, cancel: &dyn Cancel) -> Result<(Vec<usize>, Vec<usize>), Cancelled> {
         let mut number = vec![usize::MAX; self.len()];
         let mut sizes = Vec::new();
         let mut stack = Vec::new();
@@ -201,7 +201,7 @@ impl Graph {
             number[start as usize] = sizes.len();
             stack.push(start);
             while let Some(place) = stack.pop() {
-                go_on()?;
+                cancel.check()?;
                 size += 1;
                 for (next, _) in self.edges(place) {
                     if number[next as usize] == usize::MAX {
@@ -218,11 +218,11 @@ impl Graph {
 
 #[cfg(test)]
 mod tests {
-    use super::super::cancel::to_the_end;
     use super::*;
+    use crate::cancel::Never;
 
     fn graph_of(lists: &[Vec<(u32, f32)>], order: &[u32]) -> Graph {
-        Graph::from_lists(lists, order, &to_the_end).expect("not stopped")
+        Graph::from_lists(lists, order, &Never).expect("not stopped")
     }
 
     #[test]
@@ -230,8 +230,8 @@ mod tests {
         let ring: Vec<Vec<(u32, f32)>> =
             (0..6u32).map(|a| vec![((a + 1) % 6, 1.0), ((a + 5) % 6, 1.0)]).chain([vec![]]).collect();
         let graph = graph_of(&ring, &[3, 0, 6, 1, 5, 2, 4]);
-        assert_eq!(graph.geodesics(0, &to_the_end), Ok(vec![0.0, 1.0, 2.0, 3.0, 2.0, 1.0, f32::INFINITY]));
-        assert_eq!(graph.components(&to_the_end).expect("not stopped").1, [6, 1]);
+        assert_eq!(graph.geodesics(0, &Never), Ok(vec![0.0, 1.0, 2.0, 3.0, 2.0, 1.0, f32::INFINITY]));
+        assert_eq!(graph.components(&Never).expect("not stopped").1, [6, 1]);
     }
 
     /// A strip of points at uneven places with all edges up to a length.
@@ -260,7 +260,7 @@ mod tests {
             }
         }
         let mut found = vec![UNREACHED; graph.len()];
-        graph.improve(&mut found, 5, &to_the_end).expect("not stopped");
+        graph.improve(&mut found, 5, &Never).expect("not stopped");
         assert_eq!(found, expected);
     }
 
@@ -269,9 +269,9 @@ mod tests {
         let graph = strip();
         let mut nearest = vec![UNREACHED; graph.len()];
         for source in [0, 200] {
-            graph.improve(&mut nearest, graph.place[source], &to_the_end).expect("not stopped");
+            graph.improve(&mut nearest, graph.place[source], &Never).expect("not stopped");
         }
-        let [a, b] = [0, 200].map(|source| graph.geodesics(source, &to_the_end).expect("not stopped"));
+        let [a, b] = [0, 200].map(|source| graph.geodesics(source, &Never).expect("not stopped"));
         let unit = graph.unit;
         let nearest: Vec<u32> = graph.place.iter().map(|&place| nearest[place as usize]).collect();
         assert!((0..graph.len()).all(|n| (f64::from(nearest[n]) * unit - f64::from(a[n].min(b[n]))).abs() < unit));
@@ -285,7 +285,7 @@ mod tests {
         (lists[1], lists[far as usize]) = (vec![(0, 1.25)], vec![(0, 3.0)]);
         // Steps of three million leave 9 bits for lengths.
         let graph = graph_of(&lists, &(0..=far).collect::<Vec<_>>());
-        let distances = graph.geodesics(1, &to_the_end).expect("not stopped");
+        let distances = graph.geodesics(1, &Never).expect("not stopped");
         assert!((distances[0] - 1.25).abs() < 3.0 / 512.0 && (distances[far as usize] - 4.25).abs() < 3.0 / 256.0);
     }
 
@@ -294,6 +294,6 @@ mod tests {
         let line: Vec<Vec<(u32, f32)>> = (0..9u32)
             .map(|a| [a.checked_sub(1), (a < 8).then_some(a + 1)].into_iter().flatten().map(|b| (b, 1.0)).collect())
             .collect();
-        assert_eq!(graph_of(&line, &[0, 1, 2, 3, 4, 5, 6, 7, 8]).spread(3, &to_the_end), Ok(vec![8, 0, 4]));
+        assert_eq!(graph_of(&line, &[0, 1, 2, 3, 4, 5, 6, 7, 8]).spread(3, &Never), Ok(vec![8, 0, 4]));
     }
 }

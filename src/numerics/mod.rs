@@ -1,8 +1,6 @@
 //! Algorithms that know no anatomy: fields on grids, digital topology, graphs, fits.
 //! Lengths are in voxels of an isotropic grid unless a name says otherwise.
 
-pub mod cancel;
-
 pub mod field;
 
 pub mod smooth;

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::space::Grid;
 
-use super::cancel::{Cancelled, GoOn};
+use crate::cancel::{Cancel, Cancelled};
 
 /// Where the kernel is cut, in standard deviations. At 3 what is left out is 0.3 %.
 const CUT_SIGMAS: f64 = 3.0;
@@ -14,14 +14,14 @@ const CUT_SIGMAS: f64 = 3.0;
 /// Convolves with a Gaussian of `sigma` voxels along each axis; the edge value goes on outside.
 ///
 /// # Errors
-/// Those of `go_on`.
-pub fn gaussian(grid: &mut Grid<f32>, sigma: [f64; 3], go_on: &GoOn<'_>) -> Result<(), Cancelled> {
+/// When it is cancelled.
+pub fn gaussian(grid: &mut Grid<f32>, sigma: [f64; 3], cancel: &dyn Cancel) -> Result<(), Cancelled> {
     let width = grid.dims()[0];
     if sigma[0] > 0.0 && width > 0 {
         let kernel = kernel(sigma[0]);
         let rows = grid.as_mut_slice().par_chunks_mut(width).with_min_len(64);
         rows.try_for_each_init(Vec::new, |scratch, row| {
-            go_on()?;
+            cancel.check()?;
             along_row(row, &kernel, scratch);
             Ok(())
         })?;
@@ -31,7 +31,7 @@ pub fn gaussian(grid: &mut Grid<f32>, sigma: [f64; 3], go_on: &GoOn<'_>) -> Resu
             let kernel = kernel(sigma[axis]);
             let groups = grid.rows_across(axis).into_par_iter();
             groups.try_for_each(|mut rows| {
-                go_on()?;
+                cancel.check()?;
                 across_rows(&mut rows, &kernel);
                 Ok(())
             })?;
@@ -100,17 +100,17 @@ fn add_scaled(out: &mut [f32], values: &[f32], weight: f32, start: bool) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::cancel::to_the_end;
     use super::*;
+    use crate::cancel::Never;
 
     #[test]
     fn a_constant_stays_and_an_impulse_keeps_its_sum() {
         let mut flat = Grid::filled([7, 6, 5], 2.0f32);
-        gaussian(&mut flat, [1.0, 0.8, 1.2], &to_the_end).expect("not stopped");
+        gaussian(&mut flat, [1.0, 0.8, 1.2], &Never).expect("not stopped");
         assert!(flat.as_slice().iter().all(|v| (v - 2.0).abs() < 1e-5));
         let mut impulse = Grid::filled([21, 21, 21], 0.0f32);
         impulse[[10, 10, 10]] = 1.0;
-        gaussian(&mut impulse, [1.0; 3], &to_the_end).expect("not stopped");
+        gaussian(&mut impulse, [1.0; 3], &Never).expect("not stopped");
         assert!((impulse.as_slice().iter().sum::<f32>() - 1.0).abs() < 1e-4);
         assert!((impulse[[11, 10, 10]] - impulse[[10, 10, 9]]).abs() < 1e-7);
     }

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::space::Grid;
 
-use super::cancel::{Cancelled, GoOn};
+use crate::cancel::{Cancel, Cancelled};
 
 /// A closed mesh in voxel coordinates; triangles are counter-clockwise seen from where the field
 /// is not positive.
@@ -22,13 +22,13 @@ pub struct Mesh {
 /// the grid, else the mesh is open there.
 ///
 /// # Errors
-/// Those of `go_on`.
-pub fn zero_surface(field: &Grid<f32>, go_on: &GoOn<'_>) -> Result<Mesh, Cancelled> {
+/// When it is cancelled.
+pub fn zero_surface(field: &Grid<f32>, cancel: &dyn Cancel) -> Result<Mesh, Cancelled> {
     let dims = field.dims();
     if dims.iter().any(|&d| d < 2) {
         return Ok(Mesh::default());
     }
-    let layer = |k: usize| go_on().map(|()| Layer::of(field, k));
+    let layer = |k: usize| cancel.check().map(|()| Layer::of(field, k));
     let layers: Vec<Layer> = (0..dims[2] - 1).into_par_iter().map(layer).collect::<Result<_, _>>()?;
     let mut first = vec![0];
     for layer in &layers {
@@ -36,7 +36,7 @@ pub fn zero_surface(field: &Grid<f32>, go_on: &GoOn<'_>) -> Result<Mesh, Cancell
     }
     let triangles = |k: usize| {
         let vertex = |[i, j, layer]: [usize; 3]| first[layer] + layers[layer].number(i + dims[0] * j);
-        go_on()?;
+        cancel.check()?;
         let mut triangles = Vec::new();
         // A crossed edge has a crossed cell before it.
         for &cell in &layers[k].cells {
@@ -139,8 +139,8 @@ fn quad(
 
 #[cfg(test)]
 mod tests {
-    use super::super::cancel::to_the_end;
     use super::*;
+    use crate::cancel::Never;
 
     #[test]
     fn a_ball_gets_a_closed_outward_mesh_of_its_volume() {
@@ -150,7 +150,7 @@ mod tests {
             let [i, j, k] = field.index(o).map(|x| x as f32 - 10.0);
             field.as_mut_slice()[o] = radius - (i * i + j * j + k * k).sqrt();
         }
-        let mesh = zero_surface(&field, &to_the_end).expect("not stopped");
+        let mesh = zero_surface(&field, &Never).expect("not stopped");
         let mut edges = std::collections::BTreeMap::new();
         let mut volume = 0.0;
         for t in &mesh.triangles {

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::space::Grid;
 
-use super::cancel::{Cancelled, GoOn};
+use crate::cancel::{Cancel, Cancelled};
 
 /// The centre's bit number.
 pub const CENTRE: u32 = 13;
@@ -164,13 +164,13 @@ const fn norm_max(d: [i32; 3]) -> i32 {
 /// neighbours): corners − edges + faces − voxels of their union.
 ///
 /// # Errors
-/// Those of `go_on`.
-pub fn euler_number(set: &Grid<bool>, go_on: &GoOn<'_>) -> Result<i64, Cancelled> {
+/// When it is cancelled.
+pub fn euler_number(set: &Grid<bool>, cancel: &dyn Cancel) -> Result<i64, Cancelled> {
     let shares = euler_shares();
     let [nx, ny, nz] = set.dims();
     let row = |j: usize, k: usize| &set.as_slice()[nx * (j + ny * k)..nx * (j + ny * k + 1)];
     let of_plane = |k: usize| {
-        go_on()?;
+        cancel.check()?;
         let mut sum = 0;
         for j in 0..=ny {
             // The four rows that meet along the grid line of these corners.

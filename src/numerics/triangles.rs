@@ -2,8 +2,8 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::cancel::{Cancelled, GoOn};
 use super::field::id;
+use crate::cancel::{Cancel, Cancelled};
 
 /// The volume that a closed mesh encloses, positive when its triangles run
 /// counter-clockwise seen from outside.
@@ -22,19 +22,19 @@ pub fn volume(positions: &[Point3<f64>], triangles: &[[u32; 3]]) -> f64 {
 /// touch, or that overlap in one plane, are not counted.
 ///
 /// # Errors
-/// Those of `go_on`.
+/// When it is cancelled.
 pub fn self_intersections(
     positions: &[Point3<f64>],
     triangles: &[[u32; 3]],
-    go_on: &GoOn<'_>,
+    cancel: &dyn Cancel,
 ) -> Result<usize, Cancelled> {
     let corners: Vec<Corners> = triangles.iter().map(|t| t.map(|n| positions[n as usize])).collect();
-    let tree = BoxTree::new(&corners, go_on)?;
+    let tree = BoxTree::new(&corners, cancel)?;
     let meets = |a: usize, b: usize| {
         let is_apart = triangles[a].iter().all(|n| !triangles[b].contains(n));
         is_apart && do_cross(&corners[a], &corners[b])
     };
-    let met = |a: usize| go_on().map(|()| tree.overlapping(&Bounds::of(&corners[a]), |b| b > a && meets(a, b)));
+    let met = |a: usize| cancel.check().map(|()| tree.overlapping(&Bounds::of(&corners[a]), |b| b > a && meets(a, b)));
     (0..corners.len()).map(met).sum()
 }
 
@@ -103,18 +103,18 @@ impl BoxTree {
     /// Triangles of a leaf: fewer cost more boxes than tests are saved.
     const LEAF: usize = 6;
 
-    fn new(corners: &[Corners], go_on: &GoOn<'_>) -> Result<Self, Cancelled> {
+    fn new(corners: &[Corners], cancel: &dyn Cancel) -> Result<Self, Cancelled> {
         let bounds = corners.iter().map(Bounds::of).collect();
         let mut tree = Self { nodes: Vec::new(), order: (0..corners.len()).map(id).collect(), bounds };
         if !corners.is_empty() {
-            tree.add(0, corners.len(), go_on)?;
+            tree.add(0, corners.len(), cancel)?;
         }
         Ok(tree)
     }
 
     /// Adds the node of a range and all below it. Halving keeps the depth below 64.
-    fn add(&mut self, start: usize, end: usize, go_on: &GoOn<'_>) -> Result<usize, Cancelled> {
-        go_on()?;
+    fn add(&mut self, start: usize, end: usize, cancel: &dyn Cancel) -> Result<usize, Cancelled> {
+        cancel.check()?;
         let each = self.order[start..end].iter().map(|&t| self.bounds[t as usize]);
         let Some(bounds) = each.reduce(Bounds::and) else { return Ok(0) };
         let place = self.nodes.len();
@@ -126,7 +126,7 @@ impl BoxTree {
             let key = |t: &u32| known[*t as usize].low[axis] + known[*t as usize].high[axis];
             self.order[start..end]
                 .select_nth_unstable_by(middle - start, |a, b| key(a).total_cmp(&key(b)).then(a.cmp(b)));
-            let halves = [self.add(start, middle, go_on)?, self.add(middle, end, go_on)?];
+            let halves = [self.add(start, middle, cancel)?, self.add(middle, end, cancel)?];
             self.nodes[place].halves = Some(halves);
         }
         Ok(place)
@@ -152,8 +152,8 @@ impl BoxTree {
 
 #[cfg(test)]
 mod tests {
-    use super::super::cancel::to_the_end;
     use super::*;
+    use crate::cancel::Never;
 
     /// A tetrahedron with its corner at `at`.
     fn tetrahedron(at: [f64; 3]) -> (Vec<Point3<f64>>, Vec<[u32; 3]>) {
@@ -185,13 +185,13 @@ mod tests {
     fn solids_that_run_through_each_other_are_found_and_others_not() {
         let count = |other| {
             let (points, triangles) = both(other);
-            self_intersections(&points, &triangles, &to_the_end)
+            self_intersections(&points, &triangles, &Never)
         };
         // The slanted face of the first goes through three faces of the second.
         assert_eq!(count([0.5, 0.5, 0.5]), Ok(3));
         assert_eq!(count([1.5, 1.5, 1.5]), Ok(0));
         assert_eq!(count([0.0, 0.0, 3.5]), Ok(0));
-        assert_eq!(self_intersections(&[], &[], &to_the_end), Ok(0));
+        assert_eq!(self_intersections(&[], &[], &Never), Ok(0));
     }
 
     #[test]
@@ -216,6 +216,6 @@ mod tests {
             pairs += (a + 1..200).filter(|&b| do_cross(&corners[a], &corners[b])).count();
         }
         assert!(pairs > 10, "{pairs}");
-        assert_eq!(self_intersections(&points, &triangles, &to_the_end), Ok(pairs));
+        assert_eq!(self_intersections(&points, &triangles, &Never), Ok(pairs));
     }
 }

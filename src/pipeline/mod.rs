@@ -1,7 +1,9 @@
 //! The pipeline of Ward and Hamarneh (Proc. SPIE 6512, 2007): a label map goes in, a medial
-//! representation comes out. A folder for each box of their figure 2; [`stages`] has their order.
+//! representation comes out. A folder for each box of their figure 2; `stages` has their order.
 
 pub mod observer;
+
+pub mod context;
 
 pub mod solid;
 
@@ -15,16 +17,21 @@ pub mod lattice;
 
 pub mod vectors;
 
+pub mod draft;
+
 pub mod quality;
 
-pub mod repeats;
+mod hand_out;
 
 mod stages;
 
+mod repeats;
+
 mod run;
 
+use crate::cancel::Cancelled;
 use crate::model::Refusal;
-use observer::Cancelled;
+
 pub use run::run;
 
 /// Why a run ends without a model.

@@ -1,33 +1,37 @@
-//! How a stage speaks while it works: progress, warnings, and whether to stop.
+//! Who listens to a run.
 
+use crate::cancel::Cancel;
 use crate::model::Stage;
-pub use crate::numerics::cancel::Cancelled;
 
-/// Listens to a run. Called from worker threads.
-pub trait Observer: Sync {
-    /// `stage` of structure `structure` of `structures` has reached `fraction` (0 to 1).
+/// Listens to a run, and may stop it ([`Cancel`]). Called from worker threads.
+pub trait Observer: Cancel {
+    /// `stage` of structure `structure` of `structures` has reached `fraction` (0 to 1). A structure of several
+    /// sheets goes through some stages once for each sheet: then `fraction` is that of all sheets.
     fn progress(&self, structure: usize, structures: usize, stage: Stage, fraction: f64);
 
     /// `done` of the `repeats` that follow the stages of a structure are done; said with 0 before the first stage.
     fn repeated(&self, _structure: usize, _structures: usize, _done: usize, _repeats: usize) {}
-
-    /// Whether the run should stop; asked at every slice of work, so it must be cheap.
-    fn is_cancelled(&self) -> bool {
-        false
-    }
-
-    /// `Err` once the run should stop.
-    ///
-    /// # Errors
-    /// [`Cancelled`] when [`Self::is_cancelled`].
-    fn check(&self) -> Result<(), Cancelled> {
-        if self.is_cancelled() { Err(Cancelled) } else { Ok(()) }
-    }
 }
 
 /// An observer that hears nothing and never stops a run.
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Silent;
 
+impl Cancel for Silent {}
+
 impl Observer for Silent {
+    fn progress(&self, _structure: usize, _structures: usize, _stage: Stage, _fraction: f64) {}
+}
+
+/// Passes a wish to stop on, and no progress.
+pub(super) struct Muted<'a>(pub &'a dyn Observer);
+
+impl Cancel for Muted<'_> {
+    fn is_cancelled(&self) -> bool {
+        self.0.is_cancelled()
+    }
+}
+
+impl Observer for Muted<'_> {
     fn progress(&self, _structure: usize, _structures: usize, _stage: Stage, _fraction: f64) {}
 }

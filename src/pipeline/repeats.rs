@@ -1,71 +1,83 @@
 //! How far thickness can be trusted: the whole structure is computed again with its boundary moved
 //! inside what the voxels leave open (see [`crate::pipeline::solid::perturb`]), and each node's thickness compared.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use rayon::prelude::*;
 
-use crate::model::Uncertainty;
-use crate::space::{WorldPoint, WorldVector};
-
-use crate::model::Figure;
-use crate::model::LatticeSize;
-use crate::model::Stage;
-use crate::pipeline::observer::{Cancelled, Observer};
+use super::PipelineError;
+use super::context::{Context, Repeat};
+use super::observer::Muted;
+use super::solid::cut_out::Label;
+use super::stages::stages;
+use crate::cancel::Cancelled;
+use crate::model::{Figure, LatticeSize, Structure, Uncertainty};
+use crate::space::{LabelVolume, WorldPoint, WorldVector};
 
 /// Distance between the nodes of a figure and of its counterpart in a repeat, working voxels, root
 /// mean square, up to which they are the same figure. The frame of a round sheet may turn.
 const SAME_WITHIN: f64 = 4.0;
 
-/// One repeat on its way.
-#[derive(Clone, Copy, Debug)]
-pub struct Repeat<'a> {
-    /// Which one, from 1.
-    pub number: u64,
-    /// Lattice sizes of the figures that it repeats.
-    pub sizes: &'a [LatticeSize],
-}
-
-/// Passes a wish to stop on, and no progress.
-pub struct Muted<'a>(pub &'a dyn Observer);
-
-impl Observer for Muted<'_> {
-    fn progress(&self, _structure: usize, _structures: usize, _stage: Stage, _fraction: f64) {}
-
-    fn is_cancelled(&self) -> bool {
-        self.0.is_cancelled()
-    }
-}
-
-/// Runs `repeats` repeats in parallel and gives every figure its uncertainty. `figures_of` computes
-/// a repeat's figures; none when it is refused.
+/// Computes a structure again with moved boundaries, as often as was asked for, and gives every figure its
+/// uncertainty. `blank` is the structure before its stages.
 ///
 /// # Errors
-/// When a repeat is cancelled.
-pub fn add_uncertainty(
-    figures: &mut [Figure],
-    repeats: usize,
-    voxel_mm: f64,
-    figures_of: impl Fn(Repeat<'_>) -> Result<Vec<Figure>, Cancelled> + Sync,
+/// When it is cancelled.
+pub(super) fn add_uncertainty(
+    volume: &LabelVolume,
+    label: Label,
+    context: &Context<'_>,
+    (blank, structure): (&Structure, &mut Structure),
 ) -> Result<(), Cancelled> {
-    let sizes: Vec<LatticeSize> = figures.iter().map(|f| f.grid).collect();
-    let repeat = |number: usize| figures_of(Repeat { number: number as u64, sizes: &sizes });
-    let all: Vec<Vec<Figure>> = (1..=repeats).into_par_iter().map(repeat).collect::<Result<_, _>>()?;
+    let repeats = context.params.uncertainty;
+    let sizes: Vec<LatticeSize> = structure.figures.iter().map(|f| f.grid).collect();
+    let all = repeated(volume, label, context, (blank, &sizes))?;
     let alike: Vec<&Vec<Figure>> = all.iter().filter(|found| found.len() == sizes.len()).collect();
-    for figure in figures {
+    let within_mm = SAME_WITHIN * structure.working_voxel_mm;
+    for (number, figure) in structure.figures.iter_mut().enumerate() {
         let found: Vec<[Vec<f64>; 2]> =
-            alike.iter().filter_map(|others| counterpart(figure, others, SAME_WITHIN * voxel_mm)).collect();
-        let spread_of = |length: &dyn Fn(&[Vec<f64>; 2], usize) -> f64| {
-            let nodes = 0..figure.medial.len();
-            nodes.map(|n| deviation(found.iter().map(|sides| length(sides, n)))).collect()
-        };
-        figure.uncertainty = Some(Uncertainty {
-            repeats,
-            matched: found.len(),
-            upper_mm: spread_of(&|sides, n| sides[0][n]),
-            lower_mm: spread_of(&|sides, n| sides[1][n]),
-            total_mm: spread_of(&|sides, n| sides[0][n] + sides[1][n]),
-        });
+            alike.iter().filter_map(|others| counterpart(figure, others, within_mm)).collect();
+        if 2 * found.len() < repeats {
+            let matched = found.len();
+            let message = format!("figure {number} was found again in {matched} of {repeats} repeats only");
+            context.warn("uncertainty_unmatched", message);
+        }
+        figure.uncertainty = Some(uncertainty(repeats, &found, figure.medial.len()));
     }
     Ok(())
+}
+
+/// The figures of every repeat, in the order of the repeats; none of one that is refused.
+fn repeated(
+    volume: &LabelVolume,
+    label: Label,
+    context: &Context<'_>,
+    (blank, sizes): (&Structure, &[LatticeSize]),
+) -> Result<Vec<Vec<Figure>>, Cancelled> {
+    let repeats = context.params.uncertainty;
+    let (muted, done) = (Muted(context.observer), AtomicUsize::new(0));
+    let repeat = |number: usize| {
+        let context_of_repeat = context.of_repeat(Repeat { number: number as u64, sizes }, &muted);
+        let mut structure = blank.clone();
+        if let Err(PipelineError::Cancelled(stop)) = stages(volume, label, &context_of_repeat, &mut structure) {
+            return Err(stop);
+        }
+        let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+        context.observer.repeated(context.structure, context.structures, done, repeats);
+        Ok(structure.figures)
+    };
+    (1..=repeats).into_par_iter().map(repeat).collect()
+}
+
+/// The spread of the lengths that the figure's counterparts have.
+fn uncertainty(repeats: usize, found: &[[Vec<f64>; 2]], nodes: usize) -> Uncertainty {
+    let mut result = Uncertainty { repeats, matched: found.len(), ..Uncertainty::default() };
+    for n in 0..nodes {
+        result.upper_mm.push(deviation(found.iter().map(|sides| sides[0][n])));
+        result.lower_mm.push(deviation(found.iter().map(|sides| sides[1][n])));
+        result.total_mm.push(deviation(found.iter().map(|sides| sides[0][n] + sides[1][n])));
+    }
+    result
 }
 
 /// Lengths of the upper and the lower vectors of the figure's counterpart in a repeat, in the

@@ -3,9 +3,15 @@
 use std::cmp::Reverse;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
+use super::PipelineError;
+use super::context::{Context, Notes};
 use super::observer::Observer;
-use super::{PipelineError, solid, stages};
-use crate::model::{Model, Refusal, Structure};
+use super::repeats::add_uncertainty;
+use super::solid::cut_out::{Label, label_boxes};
+use super::stages::stages;
+use crate::cancel::Cancelled;
+use crate::model::StageTimings;
+use crate::model::{Model, Refusal, Structure, StructureQuality, TriangleMesh, Verdict};
 use crate::params::CheckedParams;
 use crate::space::LabelVolume;
 
@@ -22,13 +28,14 @@ use crate::space::LabelVolume;
 /// When cancelled, when a label asked for is missing, or when every structure is refused.
 pub fn run(volume: &LabelVolume, params: &CheckedParams, observer: &dyn Observer) -> Result<Model, PipelineError> {
     let indices = label_indices(volume, params)?;
-    let boxes = solid::label_boxes(volume, observer)?;
+    let boxes = label_boxes(volume, observer)?;
     let structure = |number: usize| {
         let index = indices[number];
         let bounds = boxes[usize::from(index)].ok_or(Refusal::EmptyMask)?;
-        let work = stages::Work { volume, index, bounds, params, observer, number, count: indices.len(), repeat: None };
+        let context = Context::new(params, observer, number, indices.len());
+        let work = || structure(volume, Label { index, bounds }, context);
         let is_small = bounds.voxels() <= SMALL_BOX;
-        Ok::<Structure, PipelineError>(if is_small { on_one_thread(|| work.run())? } else { work.run()? })
+        Ok::<Structure, PipelineError>(if is_small { on_one_thread(work)? } else { work()? })
     };
     let mut order: Vec<usize> = (0..indices.len()).collect();
     order.sort_by_key(|&number| Reverse(boxes[usize::from(indices[number])].map_or(0, |bounds| bounds.voxels())));
@@ -41,6 +48,47 @@ pub fn run(volume: &LabelVolume, params: &CheckedParams, observer: &dyn Observer
             dims: volume.indices.dims(),
             structures,
         }),
+    }
+}
+
+/// All of one label. A shape without a medial representation is a structure with a refusal.
+fn structure(volume: &LabelVolume, label: Label, context: Context<'_>) -> Result<Structure, Cancelled> {
+    let blank = blank(volume, label);
+    let mut structure = blank.clone();
+    let repeats = context.params.uncertainty;
+    if repeats > 0 {
+        context.observer.repeated(context.structure, context.structures, 0, repeats);
+    }
+    match stages(volume, label, &context, &mut structure) {
+        Ok(()) if repeats > 0 => add_uncertainty(volume, label, &context, (&blank, &mut structure))?,
+        Ok(()) => {}
+        Err(PipelineError::Cancelled(stop)) => return Err(stop),
+        Err(PipelineError::Refused(refusal)) => {
+            structure.quality.verdict = Verdict::Fail;
+            structure.refusal = Some(refusal);
+        }
+    }
+    let Notes { warnings, timings, .. } = context.into_notes();
+    Ok(Structure { warnings, timings, ..structure })
+}
+
+/// A structure of which nothing is known yet but its label.
+fn blank(volume: &LabelVolume, label: Label) -> Structure {
+    let index = usize::from(label.index);
+    let voxels = volume.label_voxels[index];
+    Structure {
+        label: volume.label_values[index],
+        voxels,
+        volume_mm3: voxels as f64 * volume.world_from_voxel.voxel_volume_mm3(),
+        working_voxel_mm: 0.0,
+        figures: Vec::new(),
+        junctions: Vec::new(),
+        pruned: 0,
+        quality: StructureQuality::default(),
+        warnings: Vec::new(),
+        refusal: None,
+        object: TriangleMesh::default(),
+        timings: StageTimings::default(),
     }
 }
 

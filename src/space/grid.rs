@@ -2,6 +2,8 @@
 
 use rayon::prelude::*;
 
+use crate::cancel::{Cancel, Cancelled};
+
 /// Integer voxel coordinates `(i, j, k)`.
 pub type VoxelIndex = [usize; 3];
 
@@ -73,18 +75,18 @@ impl<T> Grid<T> {
 }
 
 impl<T: Sync> Grid<T> {
-    /// The same grid with every value changed. `go_on` is asked before each slice.
+    /// The same grid with every value changed.
     ///
     /// # Errors
-    /// Those of `go_on`.
-    pub fn try_map<U: Send, E>(
+    /// When it is cancelled.
+    pub fn try_map<U: Send>(
         &self,
         change: impl Fn(&T) -> U + Send + Sync,
-        go_on: impl Fn() -> Result<(), E>,
-    ) -> Result<Grid<U>, E> {
+        cancel: &dyn Cancel,
+    ) -> Result<Grid<U>, Cancelled> {
         let mut data = Vec::with_capacity(self.data.len());
         for slice in self.data.chunks(SLICE) {
-            go_on()?;
+            cancel.check()?;
             data.par_extend(slice.par_iter().with_min_len(1 << 14).map(&change));
         }
         Ok(Grid { dims: self.dims, data })
@@ -92,19 +94,19 @@ impl<T: Sync> Grid<T> {
 }
 
 impl<T: Send> Grid<T> {
-    /// A grid of what `value` says of each voxel. `go_on` is asked before each plane.
+    /// A grid of what `value` says of each voxel.
     ///
     /// # Errors
-    /// Those of `go_on`.
-    pub fn try_of<E>(
+    /// When it is cancelled.
+    pub fn try_of(
         dims: [usize; 3],
         value: impl Fn(VoxelIndex) -> T + Send + Sync,
-        go_on: impl Fn() -> Result<(), E>,
-    ) -> Result<Self, E> {
+        cancel: &dyn Cancel,
+    ) -> Result<Self, Cancelled> {
         let [nx, ny, nz] = dims;
         let mut data = Vec::with_capacity(nx * ny * nz);
         for k in 0..nz {
-            go_on()?;
+            cancel.check()?;
             data.par_extend((0..nx * ny).into_par_iter().with_min_len(nx).map(|n| value([n % nx, n / nx, k])));
         }
         Ok(Self { dims, data })
@@ -118,15 +120,15 @@ impl<T: Clone> Grid<T> {
         Self { dims, data: vec![value; dims[0] * dims[1] * dims[2]] }
     }
 
-    /// The same, of a grid so large that memory takes its time to come. `go_on` is asked before each slice.
+    /// The same, of a grid so large that memory takes its time to come.
     ///
     /// # Errors
-    /// Those of `go_on`.
-    pub fn try_filled<E>(dims: [usize; 3], value: T, go_on: impl Fn() -> Result<(), E>) -> Result<Self, E> {
+    /// When it is cancelled.
+    pub fn try_filled(dims: [usize; 3], value: T, cancel: &dyn Cancel) -> Result<Self, Cancelled> {
         let count = dims[0] * dims[1] * dims[2];
         let mut data = Vec::with_capacity(count);
         while data.len() < count {
-            go_on()?;
+            cancel.check()?;
             data.resize((data.len() + SLICE).min(count), value.clone());
         }
         Ok(Self { dims, data })

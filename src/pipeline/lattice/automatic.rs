@@ -6,8 +6,8 @@ use crate::model::{Automatic, GridFrom};
 use crate::numerics::field::floor_index;
 use crate::params::{CheckedParams, GridChoice, LATTICE_SIDE, Neighbors};
 use crate::pipeline::lattice::Lattice;
-use crate::pipeline::lattice::outline::Region;
 use crate::pipeline::plane::isomap::{AUTO_RADIUS, Flat};
+use crate::pipeline::plane::region::Region;
 
 /// Nodes of an automatic lattice without a spacing: the paper's 6 × 8 and a little more.
 const NODES: f64 = 64.0;

@@ -6,50 +6,52 @@
 //! is a local quadratic fit (moving least squares), so that the staircase of the voxels does not
 //! reach the mesh.
 
-pub mod outline;
+mod arc;
 
-pub mod patch;
+mod corners;
+
+mod patch;
+
+mod slide;
 
 pub mod rim;
 
-pub mod automatic;
+pub mod map;
 
-use nalgebra::{Point2, Point3, SVector, Vector2, Vector3};
+mod automatic;
 
-use crate::numerics::cells::Cells;
-use crate::numerics::fit::{LocalFit, quadratic};
+use nalgebra::{Point2, Vector2};
 
-use crate::model::LatticeSize;
-use crate::model::ring;
-use crate::params::LatticeKind;
-use crate::pipeline::lattice::outline::Region;
-use crate::pipeline::lattice::patch::Patch;
-use crate::pipeline::observer::{Cancelled, Observer};
+use self::automatic::{automatic, respaced};
+use self::patch::Patch;
+use self::rim::{WholeSheet, to_rim};
+use self::slide::{evenly_spaced, share};
+use crate::cancel::{Cancel, Cancelled};
+use crate::model::{Automatic, LatticeSize, PerSurface, Refusal, ring};
+use crate::params::{Correspondence, LatticeKind};
+use crate::pipeline::PipelineError;
+use crate::pipeline::context::Context;
+use crate::pipeline::plane::region::{HOLES_REFUSED, Region};
+use crate::pipeline::plane::strip::{SheetPoints, widened};
+use crate::pipeline::plane::{Flat, Framed};
+use crate::pipeline::sheets::MIN_SHEET_POINTS;
+use crate::pipeline::sheets::sides::SheetSides;
+use crate::pipeline::solid::Solid;
+use crate::pipeline::solid::depth::Depth;
 
-/// Radius of the local fits, voxels. Below 3 the staircase shows; above 6 bends of small radius
-/// are flattened.
-const FIT_RADIUS: f64 = 5.0;
+/// A sheet shorter than this many radii is that of a ball, one narrower than this many that of a
+/// tube.
+const BALL_LENGTH: f64 = 1.0;
+/// See [`BALL_LENGTH`].
+const TUBE_WIDTH: f64 = 0.8;
+/// Share of a sheet's area that holes may take before it is said that they were filled: gaps of a
+/// voxel or two in a skeleton are no holes of the organ.
+const HOLES_SAID: f64 = 0.02;
 /// Harmonic share left free at the rim in `paper` mode. It is a small part of a voxel along a smooth rim and several
 /// voxels in a narrow tip, where the three surfaces end differently: lattices that run to the end of
 /// tips fold there (2 to 10 % of the corners on organs with tails, against 0 to 2.5 %). What is
 /// left free belongs to the crest.
-pub const RIM_INSET: f64 = 0.01;
-/// How far from its nearest point a fit may be read, voxels. The rim of a sheet lies up to one
-/// voxel beyond its outermost points.
-const OVERREACH: f64 = 2.0;
-/// Radius of the fit of the slope of the values, in values: the radius of a medial sheet changes over
-/// lengths of the radius itself, and what changes faster is the staircase.
-const SLOPE_RADII: f64 = 1.5;
-/// The same at most, voxels.
-const MAX_SLOPE_RADIUS: f64 = 12.0;
-/// Radius of a fit in a hole, in radii of the hole: points all around must count.
-const HOLE_RADII: f64 = 2.0;
-/// Rounds of sliding at most; 20 bring the spacing below 1 % of its mean on ellipses.
-const SLIDE_ROUNDS: usize = 30;
-/// Largest movement, as a share of the lattice, at which sliding ends.
-const SLIDE_TOLERANCE: f64 = 5e-4;
-/// Pieces in which the length of an edge is measured.
-const EDGE_PIECES: usize = 3;
+const RIM_INSET: f64 = 0.01;
 
 /// Nodes of a lattice in the plane, row-major.
 #[derive(Clone, Debug)]
@@ -65,23 +67,152 @@ pub struct Lattice {
     pub rim: Vec<Point2<f64>>,
 }
 
+/// The lattices of a figure.
+#[derive(Clone, Debug)]
+pub enum Laid {
+    /// One, over the sheet carried on to its rim.
+    Anchored {
+        /// The sheet.
+        whole: WholeSheet,
+        /// Its lattice.
+        lattice: Lattice,
+    },
+    /// One on each surface.
+    Paper(PerSurface<Lattice>),
+}
+
+/// Lays the lattices of a sheet, with what was chosen for them. Warnings name the sheet by its `number`.
+///
+/// # Errors
+/// When the sheet is that of a ball or a tube, has large holes or no room for a lattice; when it is cancelled.
+pub fn lattices(
+    solid: &Solid,
+    depth: &Depth,
+    sheet: &SheetSides,
+    framed: &Framed,
+    number: usize,
+    context: &Context<'_>,
+) -> Result<(Automatic, Laid), PipelineError> {
+    let Framed { flat, frame } = framed;
+    let own_region = Region::of(&flat.medial.points, context)?;
+    if number == 0 {
+        check_extents(&own_region, sheet, solid)?;
+    }
+    let points = match context.params.correspondence {
+        Correspondence::Anchored => widened(sheet, &flat.medial.points, depth, context)?,
+        Correspondence::Paper => SheetPoints::default(),
+    };
+    let is_widened = points.flat.len() > flat.medial.points.len();
+    let region = if is_widened { Region::of(&points.flat, context)? } else { own_region };
+    check_holes(region.hole_share, number, context)?;
+    if !frame.ambiguities.is_empty() {
+        let message = format!("another frame of sheet {number} is as good: {}", frame.ambiguities.join("; "));
+        context.warn("frame_ambiguous", message);
+    }
+    let too_small = || Refusal::TooSmall { points: sheet.medial.positions.len(), needed: MIN_SHEET_POINTS };
+    if context.params.correspondence == Correspondence::Paper {
+        let (size, choices) = sized(flat, &region, solid, number, context);
+        let lattices = on_each_surface(flat, size, context)?.ok_or_else(too_small)?;
+        return Ok((choices, Laid::Paper(lattices)));
+    }
+    let whole = to_rim(&points, &region, &sheet.hinge, solid, depth, context)?;
+    let (size, choices) = sized(flat, &whole.region, solid, number, context);
+    let lattice = spaced_as_asked(&whole.region, size, solid, context)?.ok_or_else(too_small)?;
+    Ok((choices, Laid::Anchored { whole, lattice }))
+}
+
+/// Refuses large holes and tells of small ones.
+fn check_holes(share: f64, number: usize, context: &Context<'_>) -> Result<(), Refusal> {
+    if share > HOLES_REFUSED {
+        return Err(Refusal::SheetHasHoles { share, allowed: HOLES_REFUSED });
+    }
+    if share > HOLES_SAID {
+        let message = format!("holes in sheet {number} were filled: {:.1} % of its area", 100.0 * share);
+        context.warn("sheet_holes_filled", message);
+    }
+    Ok(())
+}
+
+/// The size of the lattice, that of the figure it repeats in a repeat, with the evidence for all choices.
+fn sized(
+    flat: &PerSurface<Flat>,
+    region: &Region,
+    solid: &Solid,
+    number: usize,
+    context: &Context<'_>,
+) -> (LatticeSize, Automatic) {
+    let (size, choices) = automatic(context.params, flat, region, solid.voxel_mm);
+    let repeated = context.repeat.and_then(|repeat| repeat.sizes.get(number).copied());
+    (repeated.unwrap_or(size), choices)
+}
+
+/// A lattice over a region; with `spacing_mm`, laid again in the size at which its nodes are that far apart.
+fn spaced_as_asked(
+    region: &Region,
+    size: LatticeSize,
+    solid: &Solid,
+    context: &Context<'_>,
+) -> Result<Option<Lattice>, Cancelled> {
+    let params = context.params;
+    let first = lattice(region, params.lattice, size, params.margin, 0.0, context)?;
+    if let (None, Some(spacing_mm), Some(first)) = (context.repeat, params.spacing_mm, &first) {
+        let better = respaced(first, spacing_mm / solid.voxel_mm);
+        if better != size {
+            return lattice(region, params.lattice, better, params.margin, 0.0, context);
+        }
+    }
+    Ok(first)
+}
+
+/// Lattices on the three aligned embeddings. `None` when a region is empty.
+fn on_each_surface(
+    flat: &PerSurface<Flat>,
+    size: LatticeSize,
+    context: &Context<'_>,
+) -> Result<Option<PerSurface<Lattice>>, Cancelled> {
+    let params = context.params;
+    let on = |flat: &Flat| {
+        let region = Region::of(&flat.points, context)?;
+        lattice(&region, params.lattice, size, params.margin, RIM_INSET, context)
+    };
+    let all = (on(&flat.medial)?, on(&flat.upper)?, on(&flat.lower)?);
+    let (Some(medial), Some(upper), Some(lower)) = all else { return Ok(None) };
+    Ok(Some(PerSurface { medial, upper, lower }))
+}
+
+/// Refuses balls and tubes: their medial sheet is no wider than they are thick.
+fn check_extents(region: &Region, sheet: &SheetSides, solid: &Solid) -> Result<(), Refusal> {
+    // The side of a rectangle is √12 times its root second moment.
+    let [length, width] = region.principal_axes().1.map(|e| e * 12.0f64.sqrt());
+    let radius = sheet.radii.iter().copied().fold(0.0, f64::max);
+    let mm = solid.voxel_mm;
+    let (length_mm, radius_mm) = (length * mm, radius * mm);
+    if length < BALL_LENGTH * radius {
+        Err(Refusal::Ball { radius_mm })
+    } else if width < TUBE_WIDTH * radius {
+        Err(Refusal::Tube { length_mm, radius_mm })
+    } else {
+        Ok(())
+    }
+}
+
 /// A lattice over the region, or `None` when the region is empty. `margin`: share of each line left free
 /// at its ends; `inset`: harmonic share left free before that, for a fitted one.
 ///
 /// # Errors
-/// When the observer asks to stop.
+/// When it is cancelled.
 pub fn lattice(
     region: &Region,
     kind: LatticeKind,
     size: LatticeSize,
     margin: f64,
     inset: f64,
-    observer: &dyn Observer,
+    cancel: &dyn Cancel,
 ) -> Result<Option<Lattice>, Cancelled> {
     let (nodes, rim) = match kind {
         LatticeKind::Fitted => {
-            let Some(patch) = region.patch(observer)? else { return Ok(None) };
-            fitted(&patch, size, margin, inset, observer)?
+            let Some(patch) = Patch::of(region, cancel)? else { return Ok(None) };
+            fitted(&patch, size, margin, inset, cancel)?
         }
         LatticeKind::Regular => {
             let Some(bounds) = region.bounds() else { return Ok(None) };
@@ -103,11 +234,6 @@ fn regular([low, high]: [Point2<f64>; 2], size: LatticeSize, margin: f64) -> Vec
     (0..size.rows * size.cols).map(|n| node(n / size.cols, n % size.cols)).collect()
 }
 
-/// Position of the k-th of `count` equally spaced values between `margin` and `1 − margin`.
-fn share(k: usize, count: usize, margin: f64) -> f64 {
-    margin + (1.0 - 2.0 * margin) * k as f64 / (count - 1) as f64
-}
-
 /// Places of the nodes, and of the rim before those of the edge.
 type NodesAndRim = (Vec<Point2<f64>>, Vec<Point2<f64>>);
 
@@ -121,236 +247,27 @@ fn fitted(
     size: LatticeSize,
     margin: f64,
     inset: f64,
-    observer: &dyn Observer,
+    cancel: &dyn Cancel,
 ) -> Result<NodesAndRim, Cancelled> {
     /// Size of the lattice that spaces the patch.
     const EVEN: LatticeSize = LatticeSize { rows: 25, cols: 49 };
-    let even = evenly_spaced(patch, EVEN, inset, observer)?;
+    let even = evenly_spaced(patch, EVEN, inset, cancel)?;
     let places = |shares: &[Point2<f64>]| -> Vec<Point2<f64>> { shares.iter().map(|s| patch.at(*s)).collect() };
     let inner = Patch::of_nodes(EVEN.rows, EVEN.cols, &places(&even));
-    let pushed: Vec<Point2<f64>> = even.iter().enumerate().map(|(n, s)| to_rim(EVEN, n, *s)).collect();
+    let pushed: Vec<Point2<f64>> = even.iter().enumerate().map(|(n, s)| pushed_to_rim(EVEN, n, *s)).collect();
     let outer = Patch::of_nodes(EVEN.rows, EVEN.cols, &places(&pushed));
-    let shares = evenly_spaced(&inner, size, margin, observer)?;
+    let shares = evenly_spaced(&inner, size, margin, cancel)?;
     let nodes = shares.iter().map(|s| inner.at(*s)).collect();
-    let rim = ring(size).into_iter().map(|n| outer.at(to_rim(size, n, shares[n]))).collect();
+    let rim = ring(size).into_iter().map(|n| outer.at(pushed_to_rim(size, n, shares[n]))).collect();
     Ok((nodes, rim))
 }
 
 /// The share on the rim that a node of the edge looks out to; inner nodes stay.
-fn to_rim(size: LatticeSize, node: usize, shares: Point2<f64>) -> Point2<f64> {
+fn pushed_to_rim(size: LatticeSize, node: usize, shares: Point2<f64>) -> Point2<f64> {
     let outward = |k: usize, count: usize, share: f64| match k {
         0 => 0.0,
         k if k + 1 == count => 1.0,
         _ => share,
     };
     Point2::new(outward(node % size.cols, size.cols, shares.x), outward(node / size.cols, size.rows, shares.y))
-}
-
-/// Shares of nodes that were equal at first, then slid along rows and columns in turn.
-fn evenly_spaced(
-    patch: &Patch,
-    size: LatticeSize,
-    margin: f64,
-    observer: &dyn Observer,
-) -> Result<Vec<Point2<f64>>, Cancelled> {
-    let LatticeSize { rows, cols } = size;
-    let at = |s: Point2<f64>| patch.at(s);
-    let mut shares: Vec<Point2<f64>> =
-        (0..rows * cols).map(|n| Point2::new(share(n % cols, cols, margin), share(n / cols, rows, margin))).collect();
-    let first = shares.clone();
-    for _ in 0..SLIDE_ROUNDS {
-        let mut moved = 0.0f64;
-        for i in 0..rows {
-            observer.check()?;
-            moved = moved.max(slide(&mut shares, &at, |k| i * cols + k, cols));
-        }
-        for j in 0..cols {
-            observer.check()?;
-            moved = moved.max(slide(&mut shares, &at, |k| k * cols + j, rows));
-        }
-        if moved < SLIDE_TOLERANCE {
-            break;
-        }
-    }
-    upright(patch, size, &first, shares, observer)
-}
-
-/// Takes back as much of the sliding as it takes for rows and columns to cross: where a region narrows
-/// or turns, lines that are spaced evenly lean over until they run together.
-fn upright(
-    patch: &Patch,
-    size: LatticeSize,
-    first: &[Point2<f64>],
-    slid: Vec<Point2<f64>>,
-    observer: &dyn Observer,
-) -> Result<Vec<Point2<f64>>, Cancelled> {
-    /// Sine of the angle at which lines cross at the least, if they did before.
-    const LEAST_SINE: f64 = 0.35;
-    /// What is kept of the sliding from one try to the next.
-    const KEPT: f64 = 0.75;
-    /// Tries; a hundredth of the sliding is left after them.
-    const TRIES: usize = 16;
-    let wanted = LEAST_SINE.min(0.9 * least_sine(patch, size, first));
-    let (mut shares, mut kept) = (slid.clone(), 1.0);
-    for _ in 0..TRIES {
-        observer.check()?;
-        if least_sine(patch, size, &shares) >= wanted {
-            return Ok(shares);
-        }
-        kept *= KEPT;
-        shares = first.iter().zip(&slid).map(|(a, b)| a + (b - a) * kept).collect();
-    }
-    Ok(first.to_vec())
-}
-
-/// The smallest sine between the two directions of a lattice at the corners of its quads, negative where
-/// one is turned over. The corners of the lattice are left out: on a smooth outline they are flat.
-fn least_sine(patch: &Patch, size: LatticeSize, shares: &[Point2<f64>]) -> f64 {
-    let LatticeSize { rows, cols } = size;
-    let nodes: Vec<Point2<f64>> = shares.iter().map(|s| patch.at(*s)).collect();
-    let is_corner = |n: usize| [0, cols - 1, (rows - 1) * cols, rows * cols - 1].contains(&n);
-    let mut least = 1.0f64;
-    for (i, j) in (0..rows - 1).flat_map(|i| (0..cols - 1).map(move |j| (i, j))) {
-        let quad = [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(a, b)| (i + a) * cols + j + b);
-        for k in (0..4).filter(|&k| !is_corner(quad[k])) {
-            let along = nodes[quad[(k & 2) | 1]] - nodes[quad[k & 2]];
-            let across = nodes[quad[2 | (k & 1)]] - nodes[quad[k & 1]];
-            least = least.min(along.perp(&across) / (along.norm() * across.norm()).max(1e-12));
-        }
-    }
-    least
-}
-
-/// Spaces the nodes of one lattice line equally along it; the ends stay. Returns the largest
-/// movement.
-fn slide(
-    shares: &mut [Point2<f64>],
-    at: &impl Fn(Point2<f64>) -> Point2<f64>,
-    line: impl Fn(usize) -> usize,
-    count: usize,
-) -> f64 {
-    let old: Vec<Point2<f64>> = (0..count).map(|k| shares[line(k)]).collect();
-    let mut reached = vec![0.0];
-    for pair in old.windows(2) {
-        let piece = |k: usize| at(pair[0] + (pair[1] - pair[0]) * (k as f64 / EDGE_PIECES as f64));
-        let length: f64 = (0..EDGE_PIECES).map(|k| (piece(k + 1) - piece(k)).norm()).sum();
-        reached.push(reached[reached.len() - 1] + length);
-    }
-    let total = reached[count - 1];
-    let (mut moved, mut edge) = (0.0f64, 0);
-    for k in 1..count - 1 {
-        let wanted = total * k as f64 / (count - 1) as f64;
-        while edge + 2 < count && reached[edge + 1] < wanted {
-            edge += 1;
-        }
-        let length = (reached[edge + 1] - reached[edge]).max(1e-12);
-        let new = old[edge] + (old[edge + 1] - old[edge]) * ((wanted - reached[edge]) / length).clamp(0.0, 1.0);
-        moved = moved.max((new - old[k]).norm());
-        shares[line(k)] = new;
-    }
-    moved
-}
-
-/// The map from the plane back to space: position and one more value of every point.
-pub struct SpaceFromPlane<'a> {
-    flat: &'a [Point2<f64>],
-    positions: &'a [Point3<f64>],
-    values: &'a [f64],
-    cells: Cells,
-    overreach: f64,
-}
-
-/// A node brought back to space.
-#[derive(Clone, Copy, Debug)]
-pub struct Node {
-    /// Position, voxels of work space.
-    pub position: Point3<f64>,
-    /// Derivative of the position along u and v.
-    pub tangents: [Vector3<f64>; 2],
-    /// The value carried along.
-    pub value: f64,
-    /// Derivative of the value along u and v.
-    pub slopes: [f64; 2],
-}
-
-impl<'a> SpaceFromPlane<'a> {
-    /// From the points' plane coordinates, positions and a value each (may be empty: then 0).
-    #[must_use]
-    pub fn new(flat: &'a [Point2<f64>], positions: &'a [Point3<f64>], values: &'a [f64]) -> Self {
-        Self { flat, positions, values, cells: Cells::new(flat, FIT_RADIUS), overreach: OVERREACH }
-    }
-
-    /// The map of points that reach up to the rim: a place far from all of them lies in a hole, and is
-    /// read from what is around it.
-    #[must_use]
-    pub fn over_holes(self) -> Self {
-        Self { overreach: f64::INFINITY, ..self }
-    }
-
-    /// The point of space at `p`. Fits are read no further than [`OVERREACH`] from the points they
-    /// were made of: beyond, they say nothing, and the nearest point stands for the place.
-    #[must_use]
-    pub fn node(&self, p: Point2<f64>) -> Node {
-        let (nearest, gap) = self.nearest(p);
-        let (at, gap) = if gap <= self.overreach { (p, gap) } else { (self.flat[nearest], 0.0) };
-        let mut radius = FIT_RADIUS.max(HOLE_RADII * gap);
-        // Twice doubled, a radius reaches 20 voxels: with fewer than six points there, there is no sheet.
-        for _ in 0..3 {
-            if let Some(fit) = self.fit(at, radius) {
-                let mut node = as_node(&fit);
-                let wide = (SLOPE_RADII * node.value).min(MAX_SLOPE_RADIUS);
-                if wide > radius
-                    && let Some(fit) = self.fit(at, wide)
-                {
-                    node.slopes = [fit.du[3], fit.dv[3]];
-                }
-                return node;
-            }
-            radius *= 2.0;
-        }
-        self.bare(nearest)
-    }
-
-    /// [`Self::node`] of some places.
-    ///
-    /// # Errors
-    /// When the observer asks to stop.
-    pub fn nodes(&self, places: &[Point2<f64>], observer: &dyn Observer) -> Result<Vec<Node>, Cancelled> {
-        places.iter().map(|p| observer.check().map(|()| self.node(*p))).collect()
-    }
-
-    /// The point nearest to `p`, and how far it is.
-    #[must_use]
-    pub fn nearest(&self, p: Point2<f64>) -> (usize, f64) {
-        let distance = |k: usize| (self.flat[k] - p).norm();
-        let closest =
-            |points: &mut dyn Iterator<Item = usize>| points.min_by(|&a, &b| distance(a).total_cmp(&distance(b)));
-        let near = closest(&mut self.cells.around(p, FIT_RADIUS)).filter(|&k| distance(k) <= FIT_RADIUS);
-        let k = near.or_else(|| closest(&mut (0..self.flat.len()))).unwrap_or(0);
-        (k, distance(k))
-    }
-
-    fn fit(&self, p: Point2<f64>, radius: f64) -> Option<LocalFit<4>> {
-        let sample = |k: usize| {
-            let x = self.positions[k];
-            let value = self.values.get(k).copied().unwrap_or(0.0);
-            (self.flat[k], SVector::<f64, 4>::new(x.x, x.y, x.z, value))
-        };
-        quadratic(p, radius, self.cells.around(p, radius).map(sample))
-    }
-
-    fn bare(&self, k: usize) -> Node {
-        let value = self.values.get(k).copied().unwrap_or(0.0);
-        Node { position: self.positions[k], tangents: [Vector3::x(), Vector3::y()], value, slopes: [0.0; 2] }
-    }
-}
-
-fn as_node(fit: &LocalFit<4>) -> Node {
-    let part = |v: &SVector<f64, 4>| Vector3::new(v[0], v[1], v[2]);
-    Node {
-        position: Point3::from(part(&fit.value)),
-        tangents: [part(&fit.du), part(&fit.dv)],
-        value: fit.value[3],
-        slopes: [fit.du[3], fit.dv[3]],
-    }
 }

@@ -9,8 +9,10 @@ use nalgebra::{Point2, Vector2};
 
 use crate::numerics::field::floor_index;
 
-use crate::pipeline::lattice::outline::{Arc, PITCH, Region};
-use crate::pipeline::observer::{Cancelled, Observer};
+use super::arc::Arc;
+use super::corners::sides;
+use crate::cancel::{Cancel, Cancelled};
+use crate::pipeline::plane::region::{PITCH, Region};
 
 /// Nodes of the table along each side of the square.
 const TABLE: usize = 129;
@@ -33,14 +35,19 @@ pub struct Patch {
 }
 
 impl Patch {
-    /// From a region and the four pieces of its outline, counter-clockwise from the bottom.
+    /// A region as the image of the square. `None` for an empty region.
     ///
     /// # Errors
-    /// When the observer asks to stop.
-    pub fn harmonic(region: &Region, sides: &[Arc; 4], observer: &dyn Observer) -> Result<Self, Cancelled> {
+    /// When it is cancelled.
+    pub fn of(region: &Region, cancel: &dyn Cancel) -> Result<Option<Self>, Cancelled> {
+        sides(region).map(|sides| Self::harmonic(region, &sides, cancel)).transpose()
+    }
+
+    /// From a region and the four pieces of its outline, counter-clockwise from the bottom.
+    fn harmonic(region: &Region, sides: &[Arc; 4], cancel: &dyn Cancel) -> Result<Self, Cancelled> {
         let [nx, ny, _] = region.level.0.dims();
         let stride = nx.max(ny).div_ceil(MOST_PIXELS);
-        let raster = Raster::solved(region, &RimShares::of(sides), stride, observer)?;
+        let raster = Raster::solved(region, &RimShares::of(sides), stride, cancel)?;
         let mut patch = Self { rows: TABLE, cols: TABLE, table: vec![Vector2::repeat(f64::NAN); TABLE * TABLE] };
         let width = raster.dims[0];
         for o in (0..raster.kind.len() - width - 1).filter(|&o| raster.is_inside(o)) {
@@ -145,10 +152,10 @@ struct Raster {
 impl Raster {
     /// Solved on a raster of half as many pixels along each side first, on which what is smooth
     /// settles at a quarter of the cost.
-    fn solved(region: &Region, rim: &RimShares, stride: usize, observer: &dyn Observer) -> Result<Self, Cancelled> {
+    fn solved(region: &Region, rim: &RimShares, stride: usize, cancel: &dyn Cancel) -> Result<Self, Cancelled> {
         let [nx, ny, _] = region.level.0.dims();
         let is_coarsest = nx.max(ny) / stride < 2 * LEAST_PIXELS;
-        let coarse = (!is_coarsest).then(|| Self::solved(region, rim, 2 * stride, observer)).transpose()?;
+        let coarse = (!is_coarsest).then(|| Self::solved(region, rim, 2 * stride, cancel)).transpose()?;
         let mut raster = Self::blank(region, stride);
         raster.shares = (0..raster.kind.len())
             .map(|o| match (raster.kind[o], &coarse) {
@@ -159,7 +166,7 @@ impl Raster {
                 _ => Vector2::repeat(0.5),
             })
             .collect();
-        raster.relax(observer)?;
+        raster.relax(cancel)?;
         Ok(raster)
     }
 
@@ -219,7 +226,7 @@ impl Raster {
     }
 
     /// Solves Laplace's equation for both shares on the inner pixels, by over-relaxation.
-    fn relax(&mut self, observer: &dyn Observer) -> Result<(), Cancelled> {
+    fn relax(&mut self, cancel: &dyn Cancel) -> Result<(), Cancelled> {
         let width = self.dims[0];
         let inner: Vec<usize> = (0..self.kind.len()).filter(|&o| self.kind[o] == Pixel::Inner).collect();
         // The best factor of a square of this many pixels; a longer region settles no slower.
@@ -227,7 +234,7 @@ impl Raster {
         let factor = 2.0 / (1.0 + (std::f64::consts::PI / across).sin());
         let shares = &mut self.shares;
         for _ in 0..MAX_SWEEPS {
-            observer.check()?;
+            cancel.check()?;
             let mut moved = 0.0f64;
             for &o in &inner {
                 let mean = (shares[o - 1] + shares[o + 1] + shares[o - width] + shares[o + width]) / 4.0;

@@ -9,9 +9,9 @@ use nalgebra::{Matrix3, Point2, Point3, SymmetricEigen, Vector2, Vector3};
 
 use crate::numerics::field::floor_index;
 
-use crate::pipeline::lattice::outline::Region;
-use crate::pipeline::lattice::{Node, SpaceFromPlane};
-use crate::pipeline::observer::{Cancelled, Observer};
+use crate::cancel::{Cancel, Cancelled};
+use crate::pipeline::lattice::map::{Node, SpaceFromPlane};
+use crate::pipeline::plane::region::Region;
 use crate::pipeline::plane::strip::SheetPoints;
 use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::depth::Depth;
@@ -30,6 +30,7 @@ const PITCH: f64 = 1.0;
 const SIGMA: f64 = 3.0;
 
 /// A sheet in its plane, carried on to its rim. Lengths are voxels.
+#[derive(Clone, Debug)]
 pub struct WholeSheet {
     /// The region it covers.
     pub region: Region,
@@ -40,14 +41,14 @@ pub struct WholeSheet {
 /// Carries a sheet on to its rim: moves the outline there and adds points up to it.
 ///
 /// # Errors
-/// When the observer asks to stop.
+/// When it is cancelled.
 pub fn to_rim(
     points: &SheetPoints,
     region: &Region,
     hinge: &[Point3<f64>],
     solid: &Solid,
     depth: &Depth,
-    observer: &dyn Observer,
+    cancel: &dyn Cancel,
 ) -> Result<WholeSheet, Cancelled> {
     let mut whole = WholeSheet { region: region.clone(), points: points.clone() };
     let outline = evenly(&region.outline());
@@ -62,7 +63,7 @@ pub fn to_rim(
         .iter()
         .zip(&outward)
         .map(|(q, o)| {
-            observer.check()?;
+            cancel.check()?;
             let start = map.node(q - o * START);
             let met = Walk::to_hinge(&start, *o, hinge, depth);
             Ok(met.unwrap_or_else(|| Walk::to_rim(&start, *o, solid, depth)))

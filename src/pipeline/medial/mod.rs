@@ -26,8 +26,8 @@ use crate::numerics::field::{floor_index, id};
 use crate::numerics::topology::{is_simple, is_surface_end, neighborhood};
 use crate::space::Grid;
 
+use crate::cancel::{Cancel, Cancelled};
 use crate::pipeline::medial::peel::{around, peeled, state};
-use crate::pipeline::observer::{Cancelled, Observer};
 use crate::pipeline::sheets::surface::Surface;
 use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::depth::Depth;
@@ -41,7 +41,7 @@ const FEET_COSINE: f64 = 0.5;
 const MIN_CHORD: f64 = 3.0;
 /// Difference of two distances that rounding can make, voxels.
 const TIE: f64 = 0.05;
-/// How many voxels are thinned between two looks at the observer.
+/// How many voxels are thinned between two looks at whether to stop.
 const CANCEL_EVERY: usize = 1 << 14;
 /// Steps of the sub-voxel refinement; each halves what is left, and half a voxel is the start.
 const REFINE_STEPS: usize = 4;
@@ -76,30 +76,30 @@ impl MedialSurface {
     /// The part made of some points (ascending).
     ///
     /// # Errors
-    /// When the observer asks to stop.
-    pub fn part(&self, members: &[u32], observer: &dyn Observer) -> Result<Surface, Cancelled> {
+    /// When it is cancelled.
+    pub fn part(&self, members: &[u32], cancel: &dyn Cancel) -> Result<Surface, Cancelled> {
         let touching = |p: u32, list: &mut Vec<u32>| list.extend_from_slice(&self.adjacency[p as usize]);
-        Surface::made_of(members, self.points.len(), |p| self.points[p as usize].position, touching, observer)
+        Surface::made_of(members, self.points.len(), |p| self.points[p as usize].position, touching, cancel)
     }
 }
 
 /// Thins a solid to its medial surface.
 ///
 /// # Errors
-/// When the observer asks to stop.
-pub fn medial_surface(solid: &Solid, depth: &Depth, observer: &dyn Observer) -> Result<MedialSurface, Cancelled> {
-    let medial = medial_voxels(solid, depth, observer)?;
-    let left = thin(&solid.inside, depth, &medial, observer)?;
-    surface_of(&left, depth, observer)
+/// When it is cancelled.
+pub fn medial_surface(solid: &Solid, depth: &Depth, cancel: &dyn Cancel) -> Result<MedialSurface, Cancelled> {
+    let medial = medial_voxels(solid, depth, cancel)?;
+    let left = thin(&solid.inside, depth, &medial, cancel)?;
+    surface_of(&left, depth, cancel)
 }
 
 /// Voxels between two far feet.
-fn medial_voxels(solid: &Solid, depth: &Depth, observer: &dyn Observer) -> Result<Vec<usize>, Cancelled> {
+fn medial_voxels(solid: &Solid, depth: &Depth, cancel: &dyn Cancel) -> Result<Vec<usize>, Cancelled> {
     let inside = solid.inside.as_slice();
     let [nx, ny, _] = solid.inside.dims();
     let nearest = depth.nearest.as_slice();
     let of_row = |row: usize| {
-        observer.check()?;
+        cancel.check()?;
         let mut found = Vec::new();
         for i in 0..nx {
             let offset = row * nx + i;
@@ -178,21 +178,16 @@ impl Front {
 }
 
 /// Takes simple voxels away in the order of their depth; returns those that are left, ascending.
-fn thin(
-    inside: &Grid<bool>,
-    depth: &Depth,
-    medial: &[usize],
-    observer: &dyn Observer,
-) -> Result<Vec<usize>, Cancelled> {
+fn thin(inside: &Grid<bool>, depth: &Depth, medial: &[usize], cancel: &dyn Cancel) -> Result<Vec<usize>, Cancelled> {
     use state::{LEFT, MEDIAL, NEAR, OPEN, QUEUED};
     let [nx, ny, _] = inside.dims();
     let nxy = nx * ny;
     let rank_of = |o: usize| rank(depth.depth.as_slice()[o]);
-    let mut cells = peeled(inside, depth, medial, observer)?;
+    let mut cells = peeled(inside, depth, medial, cancel)?;
     let mut front = Front::default();
     for o in 0..cells.len() {
         if o.is_multiple_of(CANCEL_EVERY) {
-            observer.check()?;
+            cancel.check()?;
         }
         let is_open = cells[o] & (LEFT | OPEN | MEDIAL) == LEFT | OPEN;
         if is_open && is_simple(neighborhood(|n| cells[n], o, nx, nxy)) {
@@ -204,7 +199,7 @@ fn thin(
     while let Some(o) = front.pop() {
         steps += 1;
         if steps.is_multiple_of(CANCEL_EVERY) {
-            observer.check()?;
+            cancel.check()?;
         }
         cells[o] &= !QUEUED;
         if !is_simple(neighborhood(|n| cells[n], o, nx, nxy)) {
@@ -223,10 +218,10 @@ fn thin(
     }
     let mut left = Vec::new();
     for (n, slice) in cells.chunks(CANCEL_EVERY).enumerate() {
-        observer.check()?;
+        cancel.check()?;
         left.extend((0..slice.len()).filter(|&o| slice[o] & LEFT != 0).map(|o| n * CANCEL_EVERY + o));
     }
-    thin_to_one_voxel(&mut cells, [nx, nxy], &mut left, rank_of, observer)?;
+    thin_to_one_voxel(&mut cells, [nx, nxy], &mut left, rank_of, cancel)?;
     Ok(left)
 }
 
@@ -237,13 +232,13 @@ fn thin_to_one_voxel(
     [nx, nxy]: [usize; 2],
     left: &mut Vec<usize>,
     rank_of: impl Fn(usize) -> usize,
-    observer: &dyn Observer,
+    cancel: &dyn Cancel,
 ) -> Result<(), Cancelled> {
     /// Rounds at most; each takes at least one voxel away, and two or three are the rule.
     const MAX_ROUNDS: usize = 64;
     left.sort_by_key(|&o| (rank_of(o), o));
     for _ in 0..MAX_ROUNDS {
-        observer.check()?;
+        cancel.check()?;
         let before = left.len();
         left.retain(|&o| {
             let bits = neighborhood(|n| cells[n], o, nx, nxy);
@@ -260,19 +255,19 @@ fn thin_to_one_voxel(
 }
 
 /// Sub-voxel points of the voxels that are left.
-fn surface_of(left: &[usize], depth: &Depth, observer: &dyn Observer) -> Result<MedialSurface, Cancelled> {
-    let point = |&o: &usize| observer.check().map(|()| medial_point(depth, o));
+fn surface_of(left: &[usize], depth: &Depth, cancel: &dyn Cancel) -> Result<MedialSurface, Cancelled> {
+    let point = |&o: &usize| cancel.check().map(|()| medial_point(depth, o));
     let points = left.par_iter().with_min_len(64).map(point).collect::<Result<_, _>>()?;
-    Ok(MedialSurface { points, adjacency: touching(left, depth.depth.dims(), observer)? })
+    Ok(MedialSurface { points, adjacency: touching(left, depth.depth.dims(), cancel)? })
 }
 
 /// The 26-neighbours of each of some voxels (ascending, none on the grid's edge) among them.
-fn touching(voxels: &[usize], [nx, ny, _]: [usize; 3], observer: &dyn Observer) -> Result<Vec<Vec<u32>>, Cancelled> {
+fn touching(voxels: &[usize], [nx, ny, _]: [usize; 3], cancel: &dyn Cancel) -> Result<Vec<Vec<u32>>, Cancelled> {
     /// Voxels that are worked on together.
     const CHUNK: usize = 4096;
     let steps = |o: usize| around(o, 1, [nx, nx * ny]);
     let of_chunk = |chunk: &[usize]| {
-        observer.check()?;
+        cancel.check()?;
         // Where each of the 27 neighbours would be: it moves on as the voxel does.
         let mut place: Vec<usize> = steps(chunk[0]).map(|n| voxels.partition_point(|&v| v < n)).collect();
         let mut of_voxel = |o: usize| {

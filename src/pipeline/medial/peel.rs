@@ -15,7 +15,7 @@ use crate::numerics::field::{floor_index, id};
 use crate::numerics::topology::{is_simple, neighborhood};
 use crate::space::Grid;
 
-use crate::pipeline::observer::{Cancelled, Observer};
+use crate::cancel::{Cancel, Cancelled};
 use crate::pipeline::solid::depth::Depth;
 use state::{LEFT, MEDIAL, NEAR, OPEN};
 
@@ -50,9 +50,9 @@ pub(super) fn peeled(
     inside: &Grid<bool>,
     depth: &Depth,
     medial: &[usize],
-    observer: &dyn Observer,
+    cancel: &dyn Cancel,
 ) -> Result<Vec<u8>, Cancelled> {
-    let peel = Peel::new(inside, depth, medial, observer)?;
+    let peel = Peel::new(inside, depth, medial, cancel)?;
     let mut bands = vec![Parts::default()];
     let far = depth.skin_voxels.par_iter().copied().filter(|&o| peel.cells[o].load(Relaxed) & NEAR == 0);
     peel.sort(far, 0, &mut bands);
@@ -62,7 +62,7 @@ pub(super) fn peeled(
         while bands[number].iter().any(|part| !part.is_empty()) {
             let open = std::mem::take(&mut bands[number]);
             for (part, held) in open.iter().zip(&mut held) {
-                observer.check()?;
+                cancel.check()?;
                 let (going, staying): (Vec<u32>, Vec<u32>) =
                     part.par_iter().with_min_len(PER_TASK).partition(|&&o| peel.is_free(o as usize));
                 let opened = going.par_iter().with_min_len(PER_TASK).flat_map_iter(|&o| peel.take_away(o as usize));
@@ -89,16 +89,11 @@ struct Peel<'a> {
 }
 
 impl<'a> Peel<'a> {
-    fn new(
-        inside: &Grid<bool>,
-        depth: &'a Depth,
-        medial: &[usize],
-        observer: &dyn Observer,
-    ) -> Result<Self, Cancelled> {
-        let cells = inside.try_map(|is_in| AtomicU8::new(u8::from(*is_in) * LEFT), || observer.check())?.into_vec();
+    fn new(inside: &Grid<bool>, depth: &'a Depth, medial: &[usize], cancel: &dyn Cancel) -> Result<Self, Cancelled> {
+        let cells = inside.try_map(|is_in| AtomicU8::new(u8::from(*is_in) * LEFT), cancel)?.into_vec();
         let [nx, ny, _] = inside.dims();
         medial.par_iter().with_min_len(PER_TASK).try_for_each(|&o| {
-            observer.check()?;
+            cancel.check()?;
             around(o, NEAR_STEPS, [nx, nx * ny]).for_each(|n| {
                 cells[n].fetch_or(NEAR, Relaxed);
             });

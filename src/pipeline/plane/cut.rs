@@ -10,15 +10,16 @@
 
 use crate::numerics::field::{floor_index, id};
 
-use crate::model::Warning;
-use crate::params::{CheckedParams, Landmarks};
-use crate::pipeline::lattice::outline::{HOLES_REFUSED, Region};
+use crate::cancel::{Cancel, Cancelled};
+use crate::params::Landmarks;
+use crate::pipeline::context::Context;
 use crate::pipeline::medial::MedialSurface;
-use crate::pipeline::observer::{Cancelled, Observer};
 use crate::pipeline::plane::isomap::{Flat, IsomapError, flatten};
+use crate::pipeline::plane::region::{HOLES_REFUSED, Region};
 use crate::pipeline::sheets::sides::is_orientable;
 use crate::pipeline::sheets::surface::Surface;
 use crate::pipeline::sheets::{NO_SHEET, Sheets, in_order_of_size};
+use crate::pipeline::solid::Solid;
 
 /// Residual variance above which a sheet counts as not laid flat. Sheets known to be developable
 /// have 0.0006 at most, organs that are laid out well 0.008, and sheets that lie over themselves in
@@ -76,14 +77,14 @@ impl Part {
 
     /// One of two arms of a sheet that forks along its long axis: such a sheet has no lattice, for
     /// columns would have to cross the notch. Indices into the part.
-    fn arm(&self, observer: &dyn Observer) -> Result<Option<Vec<usize>>, Cancelled> {
+    fn arm(&self, cancel: &dyn Cancel) -> Result<Option<Vec<usize>>, Cancelled> {
         let Some(flat) = &self.flat else { return Ok(None) };
         let along: Vec<f64> = flat.points.iter().map(|p| p.x).collect();
         let (low, high) = along.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
         let least = MIN_ARM.max(floor_index(ARM_POINTS * along.len() as f64));
         let arm_at = |end: f64| {
             let along: Vec<f64> = along.iter().map(|x| end * x).collect();
-            arm(&self.surface, &along, ARM_LENGTH * (high - low), least, observer)
+            arm(&self.surface, &along, ARM_LENGTH * (high - low), least, cancel)
         };
         let arms = [arm_at(1.0)?, arm_at(-1.0)?];
         Ok(arms.into_iter().flatten().max_by_key(|arm| arm.len().min(along.len() - arm.len())))
@@ -93,24 +94,22 @@ impl Part {
 /// Lays sheets flat and cuts them.
 struct Cutter<'a> {
     surface: &'a MedialSurface,
-    params: &'a CheckedParams,
     voxel_mm: f64,
-    observer: &'a dyn Observer,
+    context: &'a Context<'a>,
 }
 
 /// Lays the sheets flat and cuts those that cannot be, as far as `max_figures` allows.
 ///
 /// # Errors
-/// When the observer asks to stop.
-pub fn cut(
+/// When it is cancelled.
+pub fn laid_flat(
     surface: &MedialSurface,
     sheets: Sheets,
-    params: &CheckedParams,
-    voxel_mm: f64,
-    observer: &dyn Observer,
-    warnings: &mut Vec<Warning>,
+    solid: &Solid,
+    context: &Context<'_>,
 ) -> Result<Laid, Cancelled> {
-    let cutter = Cutter { surface, params, voxel_mm, observer };
+    let cutter = Cutter { surface, voxel_mm: solid.voxel_mm, context };
+    let params = context.params;
     let most = params.max_figures.unwrap_or(usize::MAX);
     let mut count = sheets.members.len();
     let mut label = sheets.sheet_of.clone();
@@ -120,7 +119,7 @@ pub fn cut(
         let residual = before.residual();
         let (mut parts, mut done) = (vec![before], Vec::new());
         while let Some(part) = parts.pop() {
-            let is_refused = is_refused(surface, &part, observer)?;
+            let is_refused = is_refused(surface, &part, context)?;
             let pieces = if is_refused { Vec::new() } else { cutter.pieces(&part, most - count)? };
             if pieces.is_empty() {
                 done.push(part);
@@ -138,14 +137,14 @@ pub fn cut(
                     *part = cutter.lay(&part.members, params.landmarks)?;
                 }
             }
-            warnings.push(said(number, residual, members.len(), &done));
+            context.warn("sheet_cut", said(number, residual, members.len(), &done));
         }
         laid.extend(done);
     }
     if label == sheets.sheet_of {
         return Ok(Laid { sheets, flat: laid.into_iter().map(|part| part.flat).collect() });
     }
-    let sheets = in_order_of_size(surface, &label, sheets.pruned, observer)?;
+    let sheets = in_order_of_size(surface, &label, sheets.pruned, context)?;
     let of_sheet = |members: &Vec<u32>| {
         let own = laid.iter_mut().find(|part| members.binary_search(&part.members[0]).is_ok());
         own.and_then(|part| part.flat.take())
@@ -161,7 +160,7 @@ fn arm(
     along: &[f64],
     length: f64,
     points: usize,
-    observer: &dyn Observer,
+    cancel: &dyn Cancel,
 ) -> Result<Option<Vec<usize>>, Cancelled> {
     let mut order: Vec<usize> = (0..along.len()).collect();
     order.sort_by(|&a, &b| along[b].total_cmp(&along[a]));
@@ -170,7 +169,7 @@ fn arm(
     let mut arms: Vec<Vec<usize>> = Vec::new();
     let (mut best, mut evenness) = (None, 0);
     for p in order {
-        observer.check()?;
+        cancel.check()?;
         let touching = surface.adjacency[p].iter().map(|&n| n as usize);
         let linked = touching.filter(|&n| (surface.positions[n] - surface.positions[p]).norm() < LINK);
         let mut met: Vec<usize> = linked.map(|n| arm_of[n]).filter(|a| *a != usize::MAX).collect();
@@ -203,17 +202,17 @@ fn arm(
 
 /// Whether a sheet is refused for what it is, a band with one side or a ring: cut, it would look like
 /// one that is not.
-fn is_refused(surface: &MedialSurface, part: &Part, observer: &dyn Observer) -> Result<bool, Cancelled> {
+fn is_refused(surface: &MedialSurface, part: &Part, cancel: &dyn Cancel) -> Result<bool, Cancelled> {
     if !part.is_curled() {
         return Ok(false);
     }
-    let region = part.flat.as_ref().map(|flat| Region::of(&flat.points, observer)).transpose()?;
+    let region = part.flat.as_ref().map(|flat| Region::of(&flat.points, cancel)).transpose()?;
     Ok(region.is_some_and(|region| region.hole_share > HOLES_REFUSED)
-        || !is_orientable(surface, &part.members, observer)?)
+        || !is_orientable(surface, &part.members, cancel)?)
 }
 
 /// What was done to a sheet.
-fn said(number: usize, residual: f64, points: usize, parts: &[Part]) -> Warning {
+fn said(number: usize, residual: f64, points: usize, parts: &[Part]) -> String {
     let left = points - parts.iter().map(|part| part.members.len()).sum::<usize>();
     let worst = parts.iter().map(Part::residual).fold(0.0, f64::max);
     let why = if residual > MAX_RESIDUAL { "cannot be laid flat" } else { "forks around a notch" };
@@ -224,7 +223,7 @@ fn said(number: usize, residual: f64, points: usize, parts: &[Part]) -> Warning 
     if parts.len() > 1 {
         message += &format!("; it was cut in {} parts", parts.len());
     }
-    Warning { code: "sheet_cut", message: message + &format!("; the residual variance is {worst:.3} at most now") }
+    message + &format!("; the residual variance is {worst:.3} at most now")
 }
 
 impl Cutter<'_> {
@@ -243,7 +242,7 @@ impl Cutter<'_> {
         if more == 0 {
             return Ok(Vec::new());
         }
-        let arm = part.arm(self.observer)?;
+        let arm = part.arm(self.context)?;
         let halves = if let Some(members) = arm.map(|arm| self.split(part, &arm, MIN_ARM)).transpose()?.flatten() {
             Some(self.lay_both(part, &members)?)
         } else if part.is_curled() {
@@ -262,7 +261,7 @@ impl Cutter<'_> {
 
     /// The connected pieces of a part that are wider than a string, the largest first.
     fn without_strings(&self, members: &[u32]) -> Result<Vec<Vec<u32>>, Cancelled> {
-        let part = self.surface.part(members, self.observer)?;
+        let part = self.surface.part(members, self.context)?;
         let around = |start: usize| {
             let mut near = vec![id(start)];
             let mut from = 0;
@@ -281,7 +280,7 @@ impl Cutter<'_> {
         };
         let mut is_kept = vec![false; members.len()];
         for start in 0..members.len() {
-            self.observer.check()?;
+            self.context.check()?;
             let near = around(start);
             if near.len() >= STRING_POINTS {
                 near.iter().for_each(|&k| is_kept[k as usize] = true);
@@ -303,8 +302,8 @@ impl Cutter<'_> {
     /// The largest connected piece of some points (ascending), laid flat.
     fn lay(&self, members: &[u32], landmarks: Landmarks) -> Result<Part, Cancelled> {
         let members = self.largest_piece(members)?;
-        let surface = self.surface.part(&members, self.observer)?;
-        let flat = match flatten(&surface, self.params.neighbors, landmarks, self.voxel_mm, self.observer) {
+        let surface = self.surface.part(&members, self.context)?;
+        let flat = match flatten(&surface, self.context.params.neighbors, landmarks, self.voxel_mm, self.context) {
             Ok(flat) => Some(flat),
             Err(IsomapError::Cancelled(stop)) => return Err(stop),
             // Said where the sheet is laid out.
@@ -314,7 +313,7 @@ impl Cutter<'_> {
     }
 
     fn largest_piece(&self, members: &[u32]) -> Result<Vec<u32>, Cancelled> {
-        let largest = self.surface.part(members, self.observer)?.largest_piece(self.observer)?;
+        let largest = self.surface.part(members, self.context)?.largest_piece(self.context)?;
         Ok(largest.into_iter().map(|k| members[k as usize]).collect())
     }
 

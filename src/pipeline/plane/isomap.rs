@@ -8,13 +8,12 @@
 use nalgebra::{DMatrix, Point2, Point3, SVector, Vector2};
 use rayon::prelude::*;
 
-use crate::numerics::cancel::GoOn;
+use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::eigen::leading_two;
 use crate::numerics::field::{floor_index, id};
 use crate::numerics::graph::Graph;
 
 use crate::params::{Landmarks, Neighbors};
-use crate::pipeline::observer::{Cancelled, Observer};
 use crate::pipeline::sheets::surface::Surface;
 
 /// Radius of the automatic neighbourhood, voxels. Shortest paths on a ball of 3 are 2 % too long,
@@ -83,7 +82,7 @@ pub fn flatten(
     neighbors: Neighbors,
     landmarks: Landmarks,
     voxel_mm: f64,
-    observer: &dyn Observer,
+    cancel: &dyn Cancel,
 ) -> Result<Flat, IsomapError> {
     let count = surface.positions.len();
     if count < 8 {
@@ -92,16 +91,15 @@ pub fn flatten(
     if landmarks == Landmarks::All && count > EXACT_LIMIT {
         return Err(IsomapError::TooManyForExact { points: count, limit: EXACT_LIMIT });
     }
-    let go_on = || observer.check();
-    let (graph, pieces) = neighborhood_graph(surface, neighbors, voxel_mm, &go_on)?;
+    let (graph, pieces) = neighborhood_graph(surface, neighbors, voxel_mm, cancel)?;
     let geodesics = match landmarks {
-        Landmarks::All => Geodesics::all(&graph, &go_on)?,
-        Landmarks::Auto => Geodesics::farthest(&graph, AUTO_LANDMARKS, &go_on)?,
-        Landmarks::Count(n) => Geodesics::farthest(&graph, n, &go_on)?,
+        Landmarks::All => Geodesics::all(&graph, cancel)?,
+        Landmarks::Auto => Geodesics::farthest(&graph, AUTO_LANDMARKS, cancel)?,
+        Landmarks::Count(n) => Geodesics::farthest(&graph, n, cancel)?,
     };
-    let points = geodesics.embed(&go_on)?.ok_or(IsomapError::NoPlane)?;
+    let points = geodesics.embed(cancel)?.ok_or(IsomapError::NoPlane)?;
     Ok(Flat {
-        residual_variance: geodesics.residual_variance(&points, &go_on)?,
+        residual_variance: geodesics.residual_variance(&points, cancel)?,
         points,
         neighbors: graph.mean_degree(),
         landmarks: geodesics.sources.len(),
@@ -114,11 +112,11 @@ fn neighborhood_graph(
     surface: &Surface,
     neighbors: Neighbors,
     voxel_mm: f64,
-    go_on: &GoOn<'_>,
+    cancel: &dyn Cancel,
 ) -> Result<(Graph, usize), Cancelled> {
     let count = surface.positions.len();
     let found = |around: &mut Around, a: usize| {
-        go_on()?;
+        cancel.check()?;
         let mut list = match neighbors {
             Neighbors::Auto => around.within(surface, a, AUTO_RADIUS),
             Neighbors::RadiusMm(radius) => around.within(surface, a, radius / voxel_mm),
@@ -132,7 +130,7 @@ fn neighborhood_graph(
     let mut lists: Vec<Vec<(u32, f32)>> = lists?;
     // Of two points, one may see the other only: an edge has two ends.
     let unseen = |(a, list): (usize, &Vec<(u32, f32)>)| {
-        go_on()?;
+        cancel.check()?;
         let is_unseen = |e: &&(u32, f32)| lists[e.0 as usize].binary_search_by_key(&id(a), |e| e.0).is_err();
         Ok(list.iter().filter(is_unseen).map(|&(b, length)| (b, (id(a), length))).collect::<Vec<_>>())
     };
@@ -143,11 +141,11 @@ fn neighborhood_graph(
     }
     lists.par_iter_mut().try_for_each(|list| {
         list.sort_unstable_by_key(|e| e.0);
-        go_on()
+        cancel.check()
     })?;
     let order = in_tiles(&surface.positions);
-    let graph = Graph::from_lists(&lists, &order, go_on)?;
-    let (piece, sizes) = graph.components(go_on)?;
+    let graph = Graph::from_lists(&lists, &order, cancel)?;
+    let (piece, sizes) = graph.components(cancel)?;
     if sizes.len() == 1 {
         return Ok((graph, 1));
     }
@@ -157,7 +155,7 @@ fn neighborhood_graph(
             lists[a].push((b, length_between(surface, a, b as usize)));
         }
     }
-    Ok((Graph::from_lists(&lists, &order, go_on)?, sizes.len()))
+    Ok((Graph::from_lists(&lists, &order, cancel)?, sizes.len()))
 }
 
 /// The points in an order in which those of one part of space follow one another.
@@ -246,47 +244,47 @@ struct Geodesics {
 }
 
 impl Geodesics {
-    fn all(graph: &Graph, go_on: &GoOn<'_>) -> Result<Self, Cancelled> {
-        Self::from_sources(graph, (0..graph.len()).collect(), go_on)
+    fn all(graph: &Graph, cancel: &dyn Cancel) -> Result<Self, Cancelled> {
+        Self::from_sources(graph, (0..graph.len()).collect(), cancel)
     }
 
     /// Landmarks each as far as can be from those before, the first at a rim.
-    fn farthest(graph: &Graph, count: usize, go_on: &GoOn<'_>) -> Result<Self, Cancelled> {
-        let sources = graph.spread(count, go_on)?;
-        Self::from_sources(graph, sources, go_on)
+    fn farthest(graph: &Graph, count: usize, cancel: &dyn Cancel) -> Result<Self, Cancelled> {
+        let sources = graph.spread(count, cancel)?;
+        Self::from_sources(graph, sources, cancel)
     }
 
-    fn from_sources(graph: &Graph, sources: Vec<usize>, go_on: &GoOn<'_>) -> Result<Self, Cancelled> {
-        let distances = sources.par_iter().map(|&source| graph.geodesics(source, go_on)).collect::<Result<_, _>>()?;
+    fn from_sources(graph: &Graph, sources: Vec<usize>, cancel: &dyn Cancel) -> Result<Self, Cancelled> {
+        let distances = sources.par_iter().map(|&source| graph.geodesics(source, cancel)).collect::<Result<_, _>>()?;
         Ok(Self { sources, distances })
     }
 
     /// Classical scaling of the sources, then every point by its distances to them.
-    fn embed(&self, go_on: &GoOn<'_>) -> Result<Option<Vec<Point2<f64>>>, Cancelled> {
+    fn embed(&self, cancel: &dyn Cancel) -> Result<Option<Vec<Point2<f64>>>, Cancelled> {
         let count = self.sources.len();
         let squared = |row: usize, p: usize| f64::from(self.distances[row][p]).powi(2);
         let mut gram = DMatrix::zeros(count, count);
         for c in 0..count {
-            go_on()?;
+            cancel.check()?;
             for r in 0..count {
                 gram[(r, c)] = (squared(r, self.sources[c]) + squared(c, self.sources[r])) / 2.0;
             }
         }
-        let means = (0..count).map(|r| go_on().map(|()| gram.row(r).mean())).collect::<Result<Vec<f64>, _>>()?;
+        let means = (0..count).map(|r| cancel.check().map(|()| gram.row(r).mean())).collect::<Result<Vec<f64>, _>>()?;
         let mean = means.iter().sum::<f64>() / count as f64;
         for r in 0..count {
-            go_on()?;
+            cancel.check()?;
             for c in 0..count {
                 gram[(r, c)] = -0.5 * (gram[(r, c)] - means[r] - means[c] + mean);
             }
         }
-        let Some(leading) = leading_two(gram, go_on)? else { return Ok(None) };
+        let Some(leading) = leading_two(gram, cancel)? else { return Ok(None) };
         if leading.values[1] <= LINE_SHARE * leading.values[0].abs() || leading.values[0] <= 0.0 {
             return Ok(None);
         }
         let rows = [0, 1].map(|k| leading.vectors[k].scale(1.0 / leading.values[k].sqrt()));
         let place = |p: usize| {
-            go_on()?;
+            cancel.check()?;
             let mut at = Vector2::zeros();
             for s in 0..count {
                 let pull = -0.5 * (squared(s, p) - means[s]);
@@ -301,10 +299,10 @@ impl Geodesics {
         Ok(Some(points))
     }
 
-    fn residual_variance(&self, points: &[Point2<f64>], go_on: &GoOn<'_>) -> Result<f64, Cancelled> {
+    fn residual_variance(&self, points: &[Point2<f64>], cancel: &dyn Cancel) -> Result<f64, Cancelled> {
         // Count, and sums of graph distance g, plane distance p, g², p² and g p.
         let of_row = |(row, &source): (&Vec<f32>, &usize)| {
-            go_on()?;
+            cancel.check()?;
             Ok(row.iter().zip(points).fold(SVector::<f64, 6>::zeros(), |sums, (g, p)| {
                 let (g, p) = (f64::from(*g), (p - points[source]).norm());
                 sums + SVector::from([1.0, g, p, g * g, p * p, g * p])

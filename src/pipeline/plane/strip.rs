@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use crate::numerics::cells::Cells;
 
-use crate::pipeline::observer::{Cancelled, Observer};
+use crate::cancel::{Cancel, Cancelled};
 use crate::pipeline::sheets::sides::SheetSides;
 use crate::pipeline::solid::depth::Depth;
 
@@ -85,16 +85,12 @@ struct Strip {
 /// Plane coordinates with the points of flattened strips back in their places across.
 ///
 /// # Errors
-/// When the observer asks to stop.
-pub fn unfolded(
-    sheet: &SheetSides,
-    flat: &[Point2<f64>],
-    observer: &dyn Observer,
-) -> Result<Vec<Point2<f64>>, Cancelled> {
+/// When it is cancelled.
+pub fn unfolded(sheet: &SheetSides, flat: &[Point2<f64>], cancel: &dyn Cancel) -> Result<Vec<Point2<f64>>, Cancelled> {
     let around = Around::new(flat, &sheet.medial.positions);
-    let hand = handedness(sheet, &around, observer)?;
+    let hand = handedness(sheet, &around, cancel)?;
     let moved = |k: usize| {
-        observer.check()?;
+        cancel.check()?;
         let Some(strip) = around.strip(k, &sheet.normals, hand) else { return Ok(flat[k]) };
         let [narrow, wide] = strip.widths;
         let share = strip.sure * below(narrow / wide.max(1e-9), FLATTENED);
@@ -106,20 +102,20 @@ pub fn unfolded(
 /// The sheet's points, followed by those that widen its thin strips.
 ///
 /// # Errors
-/// When the observer asks to stop.
+/// When it is cancelled.
 pub fn widened(
     sheet: &SheetSides,
     flat: &[Point2<f64>],
     depth: &Depth,
-    observer: &dyn Observer,
+    cancel: &dyn Cancel,
 ) -> Result<SheetPoints, Cancelled> {
     let mut points =
         SheetPoints { flat: flat.to_vec(), positions: sheet.medial.positions.clone(), radii: sheet.radii.clone() };
     let around = Around::new(flat, &sheet.medial.positions);
-    let hand = handedness(sheet, &around, observer)?;
+    let hand = handedness(sheet, &around, cancel)?;
     let least_radius = LEAST_RADIUS * median(&sheet.radii);
     let thin = |k: usize| {
-        observer.check()?;
+        cancel.check()?;
         let radius = sheet.radii[k];
         let strip = around.strip(k, &sheet.normals, hand).filter(|s| s.widths[0] < THIN && s.sure > 0.5);
         let strip = strip.filter(|_| radius >= least_radius);
@@ -156,9 +152,9 @@ fn median(values: &[f64]) -> f64 {
 
 /// +1 when u × v of the plane is carried to the sheet's normals, −1 when it is carried to their
 /// opposites, told by the parts that cover the plane.
-fn handedness(sheet: &SheetSides, around: &Around<'_>, observer: &dyn Observer) -> Result<f64, Cancelled> {
+fn handedness(sheet: &SheetSides, around: &Around<'_>, cancel: &dyn Cancel) -> Result<f64, Cancelled> {
     let wide = |k: usize| around.part(k).filter(|part| part.narrow() > NARROW[1]);
-    let turn = |k: usize| observer.check().map(|()| wide(k).map_or(0.0, |part| part.turn(sheet.normals[k])));
+    let turn = |k: usize| cancel.check().map(|()| wide(k).map_or(0.0, |part| part.turn(sheet.normals[k])));
     let points = (0..sheet.normals.len()).into_par_iter().with_min_len(POINTS_PER_TASK);
     // Summed in the order of the points, not in that of the threads.
     let turns: Vec<f64> = points.map(turn).collect::<Result<_, _>>()?;

@@ -11,9 +11,9 @@ use crate::numerics::balls::Balls;
 use crate::numerics::field::floor_index;
 use crate::space::Grid;
 
+use crate::cancel::{Cancel, Cancelled};
 use crate::model::Shell;
 use crate::model::{Coverage, DistanceSummary};
-use crate::pipeline::observer::{Cancelled, Observer};
 use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::depth::SkinPoint;
 use crate::pipeline::vectors::Nodes;
@@ -34,28 +34,28 @@ const GRAIN: f64 = 0.1;
 /// both are the same.
 ///
 /// # Errors
-/// When the observer asks to stop.
+/// When it is cancelled.
 pub fn coverage(
     solid: &Solid,
     skin: &SkinSearch<'_>,
-    figures: &[Nodes],
-    observer: &dyn Observer,
+    figures: &[&Nodes],
+    cancel: &dyn Cancel,
 ) -> Result<(Coverage, Vec<Coverage>), Cancelled> {
-    let owners = Owners::of(figures, observer)?;
-    let owner = |s: &SkinPoint| observer.check().map(|()| owners.of_point(s.position));
+    let owners = Owners::of(figures, cancel)?;
+    let owner = |s: &SkinPoint| cancel.check().map(|()| owners.of_point(s.position));
     let skin_owner: Vec<usize> = skin.points.par_iter().map(owner).collect::<Result<_, _>>()?;
-    let samples = figures.par_iter().map(|nodes| surface_samples(nodes.into(), observer));
+    let samples = figures.par_iter().map(|nodes| surface_samples((*nodes).into(), cancel));
     let samples: Vec<Vec<SkinPoint>> = samples.collect::<Result<_, _>>()?;
-    let (dice, dice_of) = overlaps(&solid.mask, figures, &owners, observer)?;
+    let (dice, dice_of) = overlaps(&solid.mask, figures, &owners, cancel)?;
     let grain = grain(figures);
     let measured = |dice: f64, own: &[SkinPoint], samples: &[SkinPoint]| {
-        let to_model = SkinSearch::of(samples, observer)?.distances(own, observer)?;
+        let to_model = SkinSearch::of(samples, cancel)?.distances(own, cancel)?;
         Ok(Coverage {
             dice,
             grain_mm: grain * solid.voxel_mm,
             covered_share: to_model.iter().filter(|d| **d <= grain).count() as f64 / to_model.len().max(1) as f64,
             mask_to_model: summary(to_model, solid.voxel_mm),
-            model_to_mask: summary(skin.distances(samples, observer)?, solid.voxel_mm),
+            model_to_mask: summary(skin.distances(samples, cancel)?, solid.voxel_mm),
         })
     };
     let whole = measured(dice, skin.points, &samples.concat())?;
@@ -71,7 +71,7 @@ pub fn coverage(
 }
 
 /// The unit of the fit, voxels: one, or a share of the median radius if that is more.
-fn grain(figures: &[Nodes]) -> f64 {
+fn grain(figures: &[&Nodes]) -> f64 {
     let mut radii: Vec<f64> = figures.iter().flat_map(|nodes| nodes.radii.iter().copied()).collect();
     radii.sort_by(f64::total_cmp);
     radii.get(radii.len() / 2).map_or(1.0, |median| (GRAIN * median).max(1.0))
@@ -87,21 +87,21 @@ impl<'a> SkinSearch<'a> {
     /// The surface of some points; there may be none.
     ///
     /// # Errors
-    /// When the observer asks to stop.
-    pub fn of(points: &'a [SkinPoint], observer: &dyn Observer) -> Result<Self, Cancelled> {
+    /// When it is cancelled.
+    pub fn of(points: &'a [SkinPoint], cancel: &dyn Cancel) -> Result<Self, Cancelled> {
         let rows: Vec<[f64; 3]> = points.iter().map(|s| [s.position.x, s.position.y, s.position.z]).collect();
-        observer.check()?;
+        cancel.check()?;
         let tree = if rows.is_empty() { None } else { ImmutableKdTree::new_from_slice(&rows).ok() };
         Ok(Self { points, tree })
     }
 
     /// Distance from each of `from` to the surface around the nearest point; infinite when there is none.
-    fn distances(&self, from: &[SkinPoint], observer: &dyn Observer) -> Result<Vec<f64>, Cancelled> {
+    fn distances(&self, from: &[SkinPoint], cancel: &dyn Cancel) -> Result<Vec<f64>, Cancelled> {
         let Some(tree) = &self.tree else { return Ok(vec![f64::INFINITY; from.len()]) };
         let nearest =
             |p: Point3<f64>| tree.query(&[p.x, p.y, p.z]).nearest_one::<SquaredEuclidean<f64>>().execute().item;
         let distance = |s: &SkinPoint| {
-            observer.check()?;
+            cancel.check()?;
             Ok(self.points[nearest(s.position) as usize].distance(s.position))
         };
         from.par_iter().with_min_len(64).map(distance).collect()
@@ -123,16 +123,16 @@ struct Owners {
 }
 
 impl Owners {
-    fn of(figures: &[Nodes], observer: &dyn Observer) -> Result<Self, Cancelled> {
+    fn of(figures: &[&Nodes], cancel: &dyn Cancel) -> Result<Self, Cancelled> {
         let (mut balls, mut figure_of) = (Vec::new(), Vec::new());
         if figures.len() > 1 {
             for (number, nodes) in figures.iter().enumerate() {
-                observer.check()?;
+                cancel.check()?;
                 balls.extend(balls_of(nodes));
                 figure_of.resize(balls.len(), number);
             }
         }
-        Ok(Self { balls: Balls::new(&balls, &|| observer.check())?, figure_of })
+        Ok(Self { balls: Balls::new(&balls, cancel)?, figure_of })
     }
 
     fn of_point(&self, p: Point3<f64>) -> usize {
@@ -169,16 +169,16 @@ fn summary(mut voxels: Vec<f64>, voxel_mm: f64) -> DistanceSummary {
 /// mask with its own.
 fn overlaps(
     mask: &Grid<bool>,
-    figures: &[Nodes],
+    figures: &[&Nodes],
     owners: &Owners,
-    observer: &dyn Observer,
+    cancel: &dyn Cancel,
 ) -> Result<(f64, Vec<f64>), Cancelled> {
-    let filled = figures.iter().map(|nodes| filled(mask.dims(), nodes.into(), observer));
+    let filled = figures.iter().map(|nodes| filled(mask.dims(), (*nodes).into(), cancel));
     let filled: Vec<Grid<bool>> = filled.collect::<Result<_, _>>()?;
     let [nx, ny, _] = mask.dims();
     // Of all figures together, and then of each: voxels of the mask, of the model, and of both.
     let of_row = |(row, cells): (usize, &[bool])| {
-        observer.check()?;
+        cancel.check()?;
         let mut counts = vec![[0usize; 3]; 1 + figures.len()];
         for (i, &in_mask) in cells.iter().enumerate() {
             let is_filled = |grid: &Grid<bool>| grid.as_slice()[row * nx + i];
@@ -230,14 +230,14 @@ fn prism([a, b, c]: [Point3<f64>; 3], [d, e, f]: [Point3<f64>; 3]) -> [Tetrahedr
 }
 
 /// The voxels whose centres lie in the cells and wedges of a figure.
-fn filled(dims: [usize; 3], shell: Shell<'_>, observer: &dyn Observer) -> Result<Grid<bool>, Cancelled> {
+fn filled(dims: [usize; 3], shell: Shell<'_>, cancel: &dyn Cancel) -> Result<Grid<bool>, Cancelled> {
     /// Planes of the grid that one thread takes at a time.
     const PLANES: usize = 4;
-    /// Tetrahedra between two looks at the observer.
+    /// Tetrahedra between two looks at whether to stop.
     const CUTS: usize = 1 << 10;
     let mut cuts = Vec::new();
     for tetrahedra in tetrahedra(shell).chunks(CUTS) {
-        observer.check()?;
+        cancel.check()?;
         cuts.extend(tetrahedra.iter().filter_map(Cut::of));
     }
     let mut grid = Grid::filled(dims, false);
@@ -246,7 +246,7 @@ fn filled(dims: [usize; 3], shell: Shell<'_>, observer: &dyn Observer) -> Result
         let from = n * PLANES;
         for (number, cut) in cuts.iter().enumerate() {
             if number.is_multiple_of(CUTS) {
-                observer.check()?;
+                cancel.check()?;
             }
             for k in cut.range(2, from, from + planes.len() / plane) {
                 let rows = &mut planes[(k - from) * plane..(k - from + 1) * plane];
@@ -311,7 +311,7 @@ fn whole_numbers(low: f64, high: f64) -> Range<usize> {
 }
 
 /// Points spread over the outer surface of a figure: upper, lower and the crest strips.
-fn surface_samples(shell: Shell<'_>, observer: &dyn Observer) -> Result<Vec<SkinPoint>, Cancelled> {
+fn surface_samples(shell: Shell<'_>, cancel: &dyn Cancel) -> Result<Vec<SkinPoint>, Cancelled> {
     let mut samples = Vec::new();
     let mut sample = |corners: [Point3<f64>; 4]| {
         let [a, b, c, d] = corners;
@@ -323,7 +323,7 @@ fn surface_samples(shell: Shell<'_>, observer: &dyn Observer) -> Result<Vec<Skin
     };
     for skin in [shell.upper, shell.lower] {
         for quad in shell.quads() {
-            observer.check()?;
+            cancel.check()?;
             sample(quad.nodes.map(|n| skin[n]));
         }
         for step in shell.edge_steps() {

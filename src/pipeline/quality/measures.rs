@@ -3,10 +3,10 @@
 use nalgebra::{Point2, Point3, Vector3};
 use rayon::prelude::*;
 
+use crate::cancel::{Cancel, Cancelled};
 use crate::model::LatticeSize;
 use crate::model::{Distortion, MeanAndP95};
 use crate::model::{Quad, Shell, quad_area};
-use crate::pipeline::observer::{Cancelled, Observer};
 use crate::pipeline::quality::coverage::SkinSearch;
 use crate::pipeline::vectors::Nodes;
 
@@ -121,8 +121,8 @@ fn corner_turns(space: &[Point3<f64>], plane: &[Point3<f64>], quad: &Quad) -> [f
 /// a node on the skin or outside. The vectors are not used: they need not be the shortest way.
 ///
 /// # Errors
-/// When the observer asks to stop.
-pub fn medial_offset(nodes: &Nodes, skin: &SkinSearch<'_>, observer: &dyn Observer) -> Result<MeanAndP95, Cancelled> {
+/// When it is cancelled.
+pub fn medial_offset(nodes: &Nodes, skin: &SkinSearch<'_>, cancel: &dyn Cancel) -> Result<MeanAndP95, Cancelled> {
     /// Cosine of 60°, the angle at which skin stops to be crest in the stage of the sides, too.
     const FACING_COSINE: f64 = 0.5;
     /// Nodes looked at; more say nothing new and cost time.
@@ -147,7 +147,7 @@ pub fn medial_offset(nodes: &Nodes, skin: &SkinSearch<'_>, observer: &dyn Observ
         // Without skin on one of the sides it is on the other.
         if has_both { (sides[0] - sides[1]).abs() / (sides[0] + sides[1]).max(1e-12) } else { 1.0 }
     };
-    let offset = |&node: &usize| observer.check().map(|()| offset(node));
+    let offset = |&node: &usize| cancel.check().map(|()| offset(node));
     Ok(MeanAndP95::of(valid.par_iter().step_by(step).map(offset).collect::<Result<_, _>>()?))
 }
 

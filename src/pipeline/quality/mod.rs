@@ -9,10 +9,12 @@ pub mod verdict;
 
 use crate::numerics::triangles::self_intersections;
 
+use crate::cancel::{Cancel, Cancelled};
 use crate::model::Shell;
 use crate::model::closed;
-use crate::model::{Distortion, FigureQuality, MeanAndP95, PerSurface, Repair, StructureQuality, TriangleMesh};
-use crate::pipeline::observer::{Cancelled, Observer};
+use crate::model::{Distortion, FigureQuality, MeanAndP95, Repair, StructureQuality, TriangleMesh};
+use crate::pipeline::context::Context;
+use crate::pipeline::draft::Draft;
 use crate::pipeline::quality::coverage::{SkinSearch, coverage};
 use crate::pipeline::quality::measures::{FlatQuads, medial_offset, spacing_variation, worse};
 use crate::pipeline::quality::verdict::judge;
@@ -21,26 +23,59 @@ use crate::pipeline::solid::depth::Depth;
 use crate::pipeline::vectors::Nodes;
 use crate::pipeline::vectors::legality::{Illegal, legality};
 
-/// What can be said of a figure by itself: legality of its parts, evenness of its lattice. How
-/// it fits the mask is added by [`structure_quality`]. `quads` are those of `nodes`.
+/// How far the figures of a structure can be trusted, and the structure itself.
+#[derive(Clone, Debug, Default)]
+pub struct Measured {
+    /// Of every figure.
+    pub figures: Vec<FigureQuality>,
+    /// Of all together.
+    pub structure: StructureQuality,
+}
+
+/// Measures every figure by itself and against the mask, and judges the structure. Of a repeat only the vectors
+/// are wanted: nothing is measured.
 ///
 /// # Errors
-/// When the observer asks to stop.
-pub fn figure_quality(
-    nodes: &Nodes,
-    quads: &FlatQuads<'_>,
-    residual_variance: PerSurface<f64>,
-    repair: Repair,
-    observer: &dyn Observer,
-) -> Result<FigureQuality, Cancelled> {
+/// When it is cancelled.
+pub fn quality(
+    solid: &Solid,
+    depth: &Depth,
+    drafts: &[Option<Draft>],
+    pruned_sheets: usize,
+    context: &Context<'_>,
+) -> Result<Measured, Cancelled> {
+    if context.repeat.is_some() {
+        return Ok(Measured::default());
+    }
+    let mut measured = Measured::default();
+    let drafts: Vec<&Draft> = drafts.iter().flatten().collect();
+    for (number, draft) in drafts.iter().enumerate() {
+        measured.figures.push(figure_quality(draft, context)?);
+        context.advance(0.5 * (number + 1) as f64 / drafts.len() as f64);
+    }
+    let nodes: Vec<&Nodes> = drafts.iter().map(|draft| &draft.nodes).collect();
+    measured.structure = structure_quality(solid, depth, &nodes, &mut measured.figures, context)?;
+    measured.structure.pruned_sheets = pruned_sheets;
+    if pruned_sheets > 0 {
+        context.warn("branches_pruned", format!("{pruned_sheets} small branches of the skeleton were pruned"));
+    }
+    Ok(measured)
+}
+
+/// What can be said of a figure by itself: legality of its parts, evenness of its lattice. How
+/// it fits the mask is added by [`structure_quality`].
+fn figure_quality(draft: &Draft, cancel: &dyn Cancel) -> Result<FigureQuality, Cancelled> {
+    let Draft { nodes, flat, repair, .. } = draft;
+    let (quads, repair) = (FlatQuads::from(nodes), *repair);
+    let residual_variance = flat.map(|flat| flat.residual_variance);
     let shell = Shell::from(nodes);
     let legality = legality(shell);
     let named = |is_wedge: bool| {
         let parts = legality.parts.iter().filter(|p| p.part.is_wedge() == is_wedge);
         parts.map(|&Illegal { part, i, j, .. }| (part.is_upper(), i, j)).collect()
     };
-    observer.check()?;
-    let crossings = |mesh: TriangleMesh| self_intersections(&mesh.positions, &mesh.triangles, &|| observer.check());
+    cancel.check()?;
+    let crossings = |mesh: TriangleMesh| self_intersections(&mesh.positions, &mesh.triangles, cancel);
     let is_untouched = repair.moved_nodes == 0;
     Ok(FigureQuality {
         residual_variance,
@@ -60,21 +95,18 @@ pub fn figure_quality(
 
 /// Quality of a structure from all its figures; what is measured against the mask is added to
 /// theirs.
-///
-/// # Errors
-/// When the observer asks to stop.
-pub fn structure_quality(
+fn structure_quality(
     solid: &Solid,
     depth: &Depth,
-    figures: &[Nodes],
+    figures: &[&Nodes],
     qualities: &mut [FigureQuality],
-    observer: &dyn Observer,
+    cancel: &dyn Cancel,
 ) -> Result<StructureQuality, Cancelled> {
-    let skin = SkinSearch::of(&depth.skin, observer)?;
-    let (whole, each) = coverage(solid, &skin, figures, observer)?;
+    let skin = SkinSearch::of(&depth.skin, cancel)?;
+    let (whole, each) = coverage(solid, &skin, figures, cancel)?;
     for ((quality, coverage), nodes) in qualities.iter_mut().zip(each).zip(figures) {
         quality.coverage = coverage;
-        quality.medial_offset = medial_offset(nodes, &skin, observer)?;
+        quality.medial_offset = medial_offset(nodes, &skin, cancel)?;
     }
     let mut quality = StructureQuality { coverage: whole, ..summed(qualities) };
     judge(&mut quality, qualities, solid.voxel_mm);

@@ -23,9 +23,13 @@ use rayon::prelude::*;
 use crate::numerics::balls::Balls;
 use crate::numerics::field::id;
 
+use crate::cancel::{Cancel, Cancelled};
+use crate::model::Refusal;
 use crate::params::Prune;
+use crate::pipeline::PipelineError;
+use crate::pipeline::context::Context;
 use crate::pipeline::medial::{MedialPoint, MedialSurface};
-use crate::pipeline::observer::{Cancelled, Observer};
+use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::depth::{Depth, SkinPoint};
 
 /// How far a foot may move between adjacent points of one sheet, as a share of the radius. Where
@@ -40,6 +44,10 @@ const SURE_FEET_COSINE: f64 = -0.25;
 const MIN_POINTS: usize = 16;
 /// Share of the object's volume that would be lost without a sheet, for it to stay (`auto`).
 const AUTO_LOSS: f64 = 0.03;
+
+/// Medial points that the main sheet needs: fewer are less than a lattice of 3 × 3 nodes with
+/// something to fit each to.
+pub const MIN_SHEET_POINTS: usize = 40;
 
 /// Half the width of a bridge between two sheets, steps along the surface.
 const BRIDGE_STEPS: usize = 3;
@@ -78,26 +86,57 @@ pub struct Hinge {
 /// Splits a medial surface into single sheets and prunes those without evidence.
 ///
 /// # Errors
-/// When the observer asks to stop.
+/// When no sheet has enough points for a lattice; when it is cancelled.
 pub fn sheets(
     surface: &MedialSurface,
+    solid: &Solid,
     depth: &Depth,
-    prune: Prune,
-    max_figures: Option<usize>,
-    observer: &dyn Observer,
-) -> Result<Sheets, Cancelled> {
-    let needed = Needed { loss: loss_needed(prune), most: max_figures };
-    let mut label = linked_components(surface, observer)?;
-    hand_over_rest(surface, &mut label, observer)?;
-    join_across_pairs(surface, &mut label, observer)?;
+    context: &Context<'_>,
+) -> Result<Sheets, PipelineError> {
+    let needed = Needed { loss: loss_needed(context.params.prune), most: context.params.max_figures };
+    let mut label = linked_components(surface, context)?;
+    context.advance(0.3);
+    hand_over_rest(surface, &mut label, context)?;
+    join_across_pairs(surface, &mut label, context)?;
+    context.advance(0.5);
     let mut pruned = 0;
-    while let Some(weak) = weakest(surface, depth, &label, needed, observer)? {
+    while let Some(weak) = weakest(surface, depth, &label, needed, context)? {
         label.iter_mut().filter(|l| **l == weak).for_each(|l| *l = NO_SHEET);
         pruned += 1;
-        join_across_pairs(surface, &mut label, observer)?;
+        join_across_pairs(surface, &mut label, context)?;
     }
-    trim_edges(surface, &mut label, observer)?;
-    in_order_of_size(surface, &label, pruned, observer)
+    context.advance(0.9);
+    trim_edges(surface, &mut label, context)?;
+    let sheets = in_order_of_size(surface, &label, pruned, context)?;
+    check_sheet(surface, &sheets, solid)?;
+    Ok(sheets)
+}
+
+/// Refuses an object whose medial surface has too few points for a sheet.
+fn check_sheet(surface: &MedialSurface, sheets: &Sheets, solid: &Solid) -> Result<(), Refusal> {
+    let points = sheets.members.first().map_or(0, Vec::len);
+    if points >= MIN_SHEET_POINTS {
+        return Ok(());
+    }
+    let radius = surface.points.iter().map(|p| p.radius).fold(0.0, f64::max);
+    let volume = solid.inside.as_slice().iter().filter(|m| **m).count() as f64;
+    let ball = 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3);
+    if radius < 2.0 {
+        let thickness_mm = 2.0 * radius * solid.voxel_mm;
+        let resolution_mm = solid.voxel_mm * radius / 3.0;
+        return Err(Refusal::TooThin { thickness_mm, voxels: 2.0 * radius, voxel_mm: solid.voxel_mm, resolution_mm });
+    }
+    if volume < 2.5 * ball {
+        let radius_mm = radius * solid.voxel_mm;
+        return Err(Refusal::Ball { radius_mm });
+    }
+    // Twice what a sheet of too few points holds: a tube, straight or closed, whose medial points
+    // see skin all around.
+    if volume > 4.0 * radius * MIN_SHEET_POINTS as f64 {
+        let length = volume / (std::f64::consts::PI * radius * radius);
+        return Err(Refusal::Tube { length_mm: length * solid.voxel_mm, radius_mm: radius * solid.voxel_mm });
+    }
+    Err(Refusal::TooSmall { points, needed: MIN_SHEET_POINTS })
 }
 
 /// What a sheet needs to be kept.
@@ -131,8 +170,8 @@ pub fn strength(prune: Prune) -> f64 {
 /// Sheets of linked sure points. Where a branch starts, the foot jumps by next to nothing, and two
 /// sheets hang together by a bridge there: sheets are told apart a few steps away from all jumps,
 /// and get back what lies between.
-fn linked_components(surface: &MedialSurface, observer: &dyn Observer) -> Result<Vec<u32>, Cancelled> {
-    let from_jump = steps_from_jumps(surface, observer)?;
+fn linked_components(surface: &MedialSurface, cancel: &dyn Cancel) -> Result<Vec<u32>, Cancelled> {
+    let from_jump = steps_from_jumps(surface, cancel)?;
     let mut label = vec![NO_SHEET; surface.points.len()];
     let mut count = 0;
     for bridge in [BRIDGE_STEPS, 0] {
@@ -144,7 +183,7 @@ fn linked_components(surface: &MedialSurface, observer: &dyn Observer) -> Result
             label[start] = count;
             let (mut piece, mut next) = (vec![id(start)], 0);
             while next < piece.len() {
-                observer.check()?;
+                cancel.check()?;
                 let a = piece[next] as usize;
                 for &b in &surface.adjacency[a] {
                     if label[b as usize] == NO_SHEET && is_core(b as usize) && is_linked(surface, a, b as usize) {
@@ -160,16 +199,16 @@ fn linked_components(surface: &MedialSurface, observer: &dyn Observer) -> Result
                 count += 1;
             }
         }
-        grow_back(surface, &mut label, observer)?;
+        grow_back(surface, &mut label, cancel)?;
     }
     Ok(label)
 }
 
 /// Hands linked sure points to the sheet that reaches them in the fewest steps.
-fn grow_back(surface: &MedialSurface, label: &mut [u32], observer: &dyn Observer) -> Result<(), Cancelled> {
+fn grow_back(surface: &MedialSurface, label: &mut [u32], cancel: &dyn Cancel) -> Result<(), Cancelled> {
     let mut queue: VecDeque<u32> = (0..id(label.len())).filter(|&p| label[p as usize] != NO_SHEET).collect();
     while let Some(a) = queue.pop_front() {
-        observer.check()?;
+        cancel.check()?;
         for &b in &surface.adjacency[a as usize] {
             let (to, from) = (b as usize, a as usize);
             if label[to] == NO_SHEET && is_sure(&surface.points[to]) && is_linked(surface, from, to) {
@@ -183,20 +222,20 @@ fn grow_back(surface: &MedialSurface, label: &mut [u32], observer: &dyn Observer
 
 /// Steps along the surface to the nearest sure point whose foot jumps towards a sure neighbour;
 /// counted up to [`BRIDGE_STEPS`].
-fn steps_from_jumps(surface: &MedialSurface, observer: &dyn Observer) -> Result<Vec<usize>, Cancelled> {
+fn steps_from_jumps(surface: &MedialSurface, cancel: &dyn Cancel) -> Result<Vec<usize>, Cancelled> {
     let is_sure = |p: usize| is_sure(&surface.points[p]);
     let jumps =
         |p: usize| surface.adjacency[p].iter().any(|&b| is_sure(b as usize) && !is_linked(surface, p, b as usize));
     let mut steps = vec![BRIDGE_STEPS; surface.points.len()];
     let mut front = Vec::new();
     for p in 0..steps.len() {
-        observer.check()?;
+        cancel.check()?;
         if is_sure(p) && jumps(p) {
             front.push(p);
         }
     }
     for step in 0..BRIDGE_STEPS {
-        observer.check()?;
+        cancel.check()?;
         front.iter().for_each(|&p| steps[p] = step);
         let around = front.iter().flat_map(|&p| &surface.adjacency[p]).map(|&b| b as usize);
         front = around.filter(|&b| steps[b] > step + 1 || (step + 1 == BRIDGE_STEPS)).collect();
@@ -224,13 +263,13 @@ fn are_linked(a: &MedialPoint, b: &MedialPoint) -> bool {
 
 /// Points without a sheet of their own go to the nearest sheet along the surface, if they lie
 /// between sheets or belong to one beyond doubt. The rest are edges and bumps of the boundary.
-fn hand_over_rest(surface: &MedialSurface, label: &mut [u32], observer: &dyn Observer) -> Result<(), Cancelled> {
+fn hand_over_rest(surface: &MedialSurface, label: &mut [u32], cancel: &dyn Cancel) -> Result<(), Cancelled> {
     let sizes = sizes(label);
     label.iter_mut().filter(|l| sizes.get(l).is_some_and(|s| *s < MIN_POINTS)).for_each(|l| *l = NO_SHEET);
-    let is_between = between_sheets(surface, label, observer)?;
+    let is_between = between_sheets(surface, label, cancel)?;
     let mut queue: VecDeque<u32> = (0..id(label.len())).filter(|&p| label[p as usize] != NO_SHEET).collect();
     while let Some(a) = queue.pop_front() {
-        observer.check()?;
+        cancel.check()?;
         for &b in &surface.adjacency[a as usize] {
             let stays = is_between[b as usize] || is_sure(&surface.points[b as usize]);
             if label[b as usize] == NO_SHEET && stays {
@@ -243,7 +282,7 @@ fn hand_over_rest(surface: &MedialSurface, label: &mut [u32], observer: &dyn Obs
 }
 
 /// Points in a piece without a label that touches two labels or more.
-fn between_sheets(surface: &MedialSurface, label: &[u32], observer: &dyn Observer) -> Result<Vec<bool>, Cancelled> {
+fn between_sheets(surface: &MedialSurface, label: &[u32], cancel: &dyn Cancel) -> Result<Vec<bool>, Cancelled> {
     let mut is_between = vec![false; label.len()];
     let mut seen = vec![false; label.len()];
     for start in 0..label.len() {
@@ -253,7 +292,7 @@ fn between_sheets(surface: &MedialSurface, label: &[u32], observer: &dyn Observe
         seen[start] = true;
         let (mut piece, mut touched, mut next) = (vec![id(start)], BTreeSet::new(), 0);
         while next < piece.len() {
-            observer.check()?;
+            cancel.check()?;
             for &n in &surface.adjacency[piece[next] as usize] {
                 if label[n as usize] != NO_SHEET {
                     touched.insert(label[n as usize]);
@@ -284,13 +323,13 @@ fn weakest(
     depth: &Depth,
     label: &[u32],
     needed: Needed,
-    observer: &dyn Observer,
+    cancel: &dyn Cancel,
 ) -> Result<Option<u32>, Cancelled> {
     let sizes = sizes(label);
     if sizes.len() < 2 {
         return Ok(None);
     }
-    let losses = losses(surface, depth, label, observer)?;
+    let losses = losses(surface, depth, label, cancel)?;
     let too_many = needed.most.is_some_and(|most| sizes.len() > most);
     let least = losses.iter().min_by(|a, b| a.1.total_cmp(b.1).then(b.0.cmp(a.0)));
     Ok(least.filter(|(_, loss)| too_many || **loss < needed.loss).map(|(weak, _)| *weak))
@@ -302,12 +341,12 @@ fn losses(
     surface: &MedialSurface,
     depth: &Depth,
     label: &[u32],
-    observer: &dyn Observer,
+    cancel: &dyn Cancel,
 ) -> Result<BTreeMap<u32, f64>, Cancelled> {
     let numbers: Vec<u32> = sizes(label).into_keys().collect();
-    let owner = Inscribed::of(surface, |p| label[p] != NO_SHEET, observer)?;
+    let owner = Inscribed::of(surface, |p| label[p] != NO_SHEET, cancel)?;
     let mut skin_of: BTreeMap<u32, Vec<usize>> = numbers.iter().map(|&n| (n, Vec::new())).collect();
-    let owners = owner.of_skin(depth, observer)?;
+    let owners = owner.of_skin(depth, cancel)?;
     for (s, owner) in owners.into_iter().enumerate() {
         if let Some((p, _)) = owner {
             skin_of.entry(label[p]).or_default().push(s);
@@ -316,9 +355,9 @@ fn losses(
     let volume = depth.depth.as_slice().iter().filter(|d| **d > 0.0).count() as f64;
     let mut losses = BTreeMap::new();
     for &number in &numbers {
-        let others = Inscribed::of(surface, |p| label[p] != NO_SHEET && label[p] != number, observer)?;
+        let others = Inscribed::of(surface, |p| label[p] != NO_SHEET && label[p] != number, cancel)?;
         let height = |&s: &usize| {
-            observer.check()?;
+            cancel.check()?;
             Ok(others.nearest(depth.skin[s].position).map_or(0.0, |f| f.1.max(0.0)))
         };
         let heights: Vec<f64> = skin_of[&number].par_iter().map(height).collect::<Result<_, _>>()?;
@@ -338,24 +377,20 @@ impl Inscribed {
     /// The balls of the medial points (by index) that `take` accepts.
     ///
     /// # Errors
-    /// When the observer asks to stop.
-    pub fn of(
-        surface: &MedialSurface,
-        take: impl Fn(usize) -> bool,
-        observer: &dyn Observer,
-    ) -> Result<Self, Cancelled> {
+    /// When it is cancelled.
+    pub fn of(surface: &MedialSurface, take: impl Fn(usize) -> bool, cancel: &dyn Cancel) -> Result<Self, Cancelled> {
         let points: Vec<u32> = (0..surface.points.len()).filter(|&p| take(p)).map(id).collect();
         let centres: Vec<_> =
             points.iter().map(|&p| &surface.points[p as usize]).map(|m| (m.position, m.radius)).collect();
-        Ok(Self { balls: Balls::new(&centres, &|| observer.check())?, points, centres })
+        Ok(Self { balls: Balls::new(&centres, cancel)?, points, centres })
     }
 
     /// [`Self::nearest`] of every skin point.
     ///
     /// # Errors
-    /// When the observer asks to stop.
-    pub fn of_skin(&self, depth: &Depth, observer: &dyn Observer) -> Result<Vec<Option<(usize, f64)>>, Cancelled> {
-        let nearest = |point: &SkinPoint| observer.check().map(|()| self.nearest(point.position));
+    /// When it is cancelled.
+    pub fn of_skin(&self, depth: &Depth, cancel: &dyn Cancel) -> Result<Vec<Option<(usize, f64)>>, Cancelled> {
+        let nearest = |point: &SkinPoint| cancel.check().map(|()| self.nearest(point.position));
         depth.skin.par_iter().map(nearest).collect()
     }
 
@@ -372,11 +407,11 @@ impl Inscribed {
 fn contacts(
     surface: &MedialSurface,
     label: &[u32],
-    observer: &dyn Observer,
+    cancel: &dyn Cancel,
 ) -> Result<BTreeMap<(u32, u32), BTreeSet<u32>>, Cancelled> {
     let mut contacts: BTreeMap<(u32, u32), BTreeSet<u32>> = BTreeMap::new();
     for (a, list) in surface.adjacency.iter().enumerate() {
-        observer.check()?;
+        cancel.check()?;
         for &b in list {
             let (la, lb) = (label[a], label[b as usize]);
             if la < lb && lb != NO_SHEET {
@@ -388,22 +423,18 @@ fn contacts(
 }
 
 /// Two sheets that touch mostly where no third one is near are one sheet with a step in it.
-fn join_across_pairs(surface: &MedialSurface, label: &mut [u32], observer: &dyn Observer) -> Result<(), Cancelled> {
-    while let Some((a, b)) = stepped_pair(surface, label, observer)? {
+fn join_across_pairs(surface: &MedialSurface, label: &mut [u32], cancel: &dyn Cancel) -> Result<(), Cancelled> {
+    while let Some((a, b)) = stepped_pair(surface, label, cancel)? {
         label.iter_mut().filter(|l| **l == b).for_each(|l| *l = a);
     }
     Ok(())
 }
 
-fn stepped_pair(
-    surface: &MedialSurface,
-    label: &[u32],
-    observer: &dyn Observer,
-) -> Result<Option<(u32, u32)>, Cancelled> {
-    for (pair, points) in contacts(surface, label, observer)? {
+fn stepped_pair(surface: &MedialSurface, label: &[u32], cancel: &dyn Cancel) -> Result<Option<(u32, u32)>, Cancelled> {
+    for (pair, points) in contacts(surface, label, cancel)? {
         let mut lone = 0;
         for &p in &points {
-            observer.check()?;
+            cancel.check()?;
             lone += usize::from(!has_third_near(surface, label, pair, p));
         }
         if 2 * lone > points.len() && is_smooth(surface, label, &points) {
@@ -460,16 +491,16 @@ fn has_third_near(surface: &MedialSurface, label: &[u32], (a, b): (u32, u32), st
 /// Points that are not sure stay only near another sheet, where they make the junction, or where
 /// they hold a sheet together. Elsewhere they are the start of a sheet that runs into an edge of
 /// the boundary.
-fn trim_edges(surface: &MedialSurface, label: &mut [u32], observer: &dyn Observer) -> Result<(), Cancelled> {
+fn trim_edges(surface: &MedialSurface, label: &mut [u32], cancel: &dyn Cancel) -> Result<(), Cancelled> {
     let before = label.to_vec();
     for (p, l) in label.iter_mut().enumerate() {
-        observer.check()?;
+        cancel.check()?;
         if *l != NO_SHEET && !is_sure(&surface.points[p]) && !has_third_near(surface, &before, (*l, *l), id(p)) {
             *l = NO_SHEET;
         }
     }
     for sheet in sizes(label).into_keys() {
-        hold_together(surface, &before, label, sheet, observer)?;
+        hold_together(surface, &before, label, sheet, cancel)?;
     }
     Ok(())
 }
@@ -481,15 +512,15 @@ fn hold_together(
     before: &[u32],
     label: &mut [u32],
     sheet: u32,
-    observer: &dyn Observer,
+    cancel: &dyn Cancel,
 ) -> Result<(), Cancelled> {
     let mut from = vec![u32::MAX; label.len()];
     let members: Vec<u32> = (0..id(label.len())).filter(|&p| label[p as usize] == sheet).collect();
-    let largest = surface.part(&members, observer)?.largest_piece(observer)?;
+    let largest = surface.part(&members, cancel)?.largest_piece(cancel)?;
     let mut queue: VecDeque<u32> = largest.into_iter().map(|k| members[k as usize]).collect();
     queue.iter().for_each(|&p| from[p as usize] = p);
     while let Some(a) = queue.pop_front() {
-        observer.check()?;
+        cancel.check()?;
         for &b in &surface.adjacency[a as usize] {
             if from[b as usize] != u32::MAX || before[b as usize] != sheet {
                 continue;
@@ -507,8 +538,8 @@ fn hold_together(
 }
 
 /// Connected sets of touching points with the sheets that touch there.
-fn hinges(surface: &MedialSurface, label: &[u32], observer: &dyn Observer) -> Result<Vec<Hinge>, Cancelled> {
-    let touching: BTreeSet<u32> = contacts(surface, label, observer)?.into_values().flatten().collect();
+fn hinges(surface: &MedialSurface, label: &[u32], cancel: &dyn Cancel) -> Result<Vec<Hinge>, Cancelled> {
+    let touching: BTreeSet<u32> = contacts(surface, label, cancel)?.into_values().flatten().collect();
     let mut seen = BTreeSet::new();
     let mut hinges = Vec::new();
     for &start in &touching {
@@ -528,11 +559,11 @@ fn hinges(surface: &MedialSurface, label: &[u32], observer: &dyn Observer) -> Re
 }
 
 /// Renumbers the sheets, the largest first.
-pub(super) fn in_order_of_size(
+pub fn in_order_of_size(
     surface: &MedialSurface,
     label: &[u32],
     pruned: usize,
-    observer: &dyn Observer,
+    cancel: &dyn Cancel,
 ) -> Result<Sheets, Cancelled> {
     let mut order: Vec<(u32, usize)> = sizes(label).into_iter().collect();
     order.sort_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(&b.0)));
@@ -544,6 +575,6 @@ pub(super) fn in_order_of_size(
             members[sheet as usize].push(id(p));
         }
     }
-    let hinges = hinges(surface, &sheet_of, observer)?;
+    let hinges = hinges(surface, &sheet_of, cancel)?;
     Ok(Sheets { sheet_of, members, hinges, pruned })
 }

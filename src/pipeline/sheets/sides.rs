@@ -13,15 +13,15 @@ use nalgebra::{Point3, Vector3};
 
 use crate::numerics::components::{Connectivity, neighbors};
 use crate::numerics::field::id;
-use crate::space::WorldFromVoxel;
 
+use crate::cancel::{Cancel, Cancelled};
 use crate::model::Refusal;
 use crate::pipeline::PipelineError;
+use crate::pipeline::context::Context;
 use crate::pipeline::medial::MedialSurface;
-use crate::pipeline::observer::{Cancelled, Observer};
-use crate::pipeline::plane::frame::Senses;
 use crate::pipeline::sheets::surface::Surface;
 use crate::pipeline::sheets::{Inscribed, Sheets};
+use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::depth::Depth;
 
 /// Cosine between a spoke and the sheet's normal below which the skin point is crest: 60°.
@@ -70,26 +70,25 @@ pub struct SheetSides {
 /// Splits the skin into the sides of the sheets.
 ///
 /// # Errors
-/// [`Refusal::NotOrientable`] when a sheet has one side only; when the observer asks to stop.
+/// [`Refusal::NotOrientable`] when a sheet has one side only; when it is cancelled.
 pub fn sides(
+    solid: &Solid,
     depth: &Depth,
-    world_from_work: &WorldFromVoxel,
     surface: &MedialSurface,
     sheets: &Sheets,
-    senses: &Senses,
-    observer: &dyn Observer,
+    context: &Context<'_>,
 ) -> Result<Vec<SheetSides>, PipelineError> {
     let mut all = Vec::new();
     let mut normal_of = vec![Vector3::zeros(); surface.points.len()];
     let mut local_of = vec![u32::MAX; surface.points.len()];
     for (number, members) in sheets.members.iter().enumerate() {
-        let whole = surface.part(members, observer)?;
-        let kept = whole.largest_piece(observer)?;
-        let medial = if kept.len() < members.len() { whole.part(&kept, observer)? } else { whole };
+        let whole = surface.part(members, context)?;
+        let kept = whole.largest_piece(context)?;
+        let medial = if kept.len() < members.len() { whole.part(&kept, context)? } else { whole };
         let members: Vec<u32> = kept.into_iter().map(|k| members[k as usize]).collect();
-        let mut normals = oriented_normals(surface, &members, &medial, observer)?;
-        let mean = normals.iter().map(|n| world_from_work.vector(*n)).sum();
-        if senses.of_direction(mean).sign < 0.0 {
+        let mut normals = oriented_normals(surface, &members, &medial, context)?;
+        let mean = normals.iter().map(|n| solid.world_from_work.vector(*n)).sum();
+        if solid.senses.of_direction(mean).sign < 0.0 {
             normals.iter_mut().for_each(|n| *n = -*n);
         }
         for (local, (&p, n)) in members.iter().zip(&normals).enumerate() {
@@ -102,9 +101,9 @@ pub fn sides(
         all.push(SheetSides { medial, normals, radii, hinge, ..SheetSides::default() });
     }
     let mut classes: Vec<[Vec<(u32, u32)>; 2]> = vec![[Vec::new(), Vec::new()]; all.len()];
-    let owners = Inscribed::of(surface, |p| local_of[p] != u32::MAX, observer)?.of_skin(depth, observer)?;
+    let owners = Inscribed::of(surface, |p| local_of[p] != u32::MAX, context)?.of_skin(depth, context)?;
     for ((s, point), owner) in depth.skin.iter().enumerate().zip(owners) {
-        observer.check()?;
+        context.check()?;
         let Some((p, gap)) = owner else { continue };
         let sheet = sheets.sheet_of[p] as usize;
         let spoke = (point.position - surface.points[p].position).try_normalize(1e-9).unwrap_or_else(Vector3::zeros);
@@ -116,7 +115,7 @@ pub fn sides(
         }
     }
     for (sheet, [upper, lower]) in all.iter_mut().zip(classes) {
-        let piece = |class| move || one_piece(depth, class, observer);
+        let piece = |class| move || one_piece(depth, class, context);
         let (above, below) = rayon::join(piece(&upper), piece(&lower));
         (sheet.upper, sheet.lower) = (above?, below?);
         sheet.crest += upper.len() + lower.len() - sheet.upper.partners.len() - sheet.lower.partners.len();
@@ -125,7 +124,7 @@ pub fn sides(
 }
 
 /// The largest connected piece of a side; what is cut off from it counts as crest.
-fn one_piece(depth: &Depth, class: &[(u32, u32)], observer: &dyn Observer) -> Result<Side, Cancelled> {
+fn one_piece(depth: &Depth, class: &[(u32, u32)], cancel: &dyn Cancel) -> Result<Side, Cancelled> {
     let touching = |s: u32, list: &mut Vec<u32>| {
         neighbors(depth.depth.dims(), depth.skin_voxels[s as usize], Connectivity::Corners26, |n| {
             list.extend(depth.skin_at(n));
@@ -133,18 +132,18 @@ fn one_piece(depth: &Depth, class: &[(u32, u32)], observer: &dyn Observer) -> Re
     };
     let members: Vec<u32> = class.iter().map(|c| c.0).collect();
     let position = |s: u32| depth.skin[s as usize].position;
-    let whole = Surface::made_of(&members, depth.skin.len(), position, touching, observer)?;
-    let kept = whole.largest_piece(observer)?;
-    let surface = if kept.len() < members.len() { whole.part(&kept, observer)? } else { whole };
+    let whole = Surface::made_of(&members, depth.skin.len(), position, touching, cancel)?;
+    let kept = whole.largest_piece(cancel)?;
+    let surface = if kept.len() < members.len() { whole.part(&kept, cancel)? } else { whole };
     Ok(Side { surface, partners: kept.iter().map(|&k| class[k as usize].1).collect() })
 }
 
 /// Whether a sheet (ascending medial points) has two sides.
 ///
 /// # Errors
-/// When the observer asks to stop.
-pub fn is_orientable(surface: &MedialSurface, members: &[u32], observer: &dyn Observer) -> Result<bool, Cancelled> {
-    match oriented_normals(surface, members, &surface.part(members, observer)?, observer) {
+/// When it is cancelled.
+pub fn is_orientable(surface: &MedialSurface, members: &[u32], cancel: &dyn Cancel) -> Result<bool, Cancelled> {
+    match oriented_normals(surface, members, &surface.part(members, cancel)?, cancel) {
         Ok(_) => Ok(true),
         Err(PipelineError::Refused(_)) => Ok(false),
         Err(PipelineError::Cancelled(stop)) => Err(stop),
@@ -156,14 +155,14 @@ fn oriented_normals(
     surface: &MedialSurface,
     members: &[u32],
     medial: &Surface,
-    observer: &dyn Observer,
+    cancel: &dyn Cancel,
 ) -> Result<Vec<Vector3<f64>>, PipelineError> {
     let mut normals: Vec<Vector3<f64>> = members.iter().map(|&p| surface.points[p as usize].normal).collect();
-    propagate(medial, &mut normals, observer)?;
+    propagate(medial, &mut normals, cancel)?;
     let is_sure = |k: usize| surface.points[members[k] as usize].feet_cosine < SURE_FEET_COSINE;
     check_orientable(medial, &normals, is_sure)?;
     for _ in 0..2 {
-        observer.check()?;
+        cancel.check()?;
         normals = smoothed(medial, &normals);
     }
     Ok(normals)
@@ -171,13 +170,13 @@ fn oriented_normals(
 
 /// Turns normals to agree with their neighbours, along the links where they are most parallel
 /// first (a maximum spanning tree; Hoppe et al., SIGGRAPH 1992).
-fn propagate(medial: &Surface, normals: &mut [Vector3<f64>], observer: &dyn Observer) -> Result<(), Cancelled> {
+fn propagate(medial: &Surface, normals: &mut [Vector3<f64>], cancel: &dyn Cancel) -> Result<(), Cancelled> {
     let mut is_done = vec![false; normals.len()];
     for start in 0..normals.len() {
         let mut heap = BinaryHeap::new();
         heap.push((0u64, Reverse(id(start)), id(start)));
         while let Some((_, Reverse(to), from)) = heap.pop() {
-            observer.check()?;
+            cancel.check()?;
             let (to, from) = (to as usize, from as usize);
             if std::mem::replace(&mut is_done[to], true) {
                 continue;

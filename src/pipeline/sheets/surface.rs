@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::numerics::field::id;
 
-use crate::pipeline::observer::{Cancelled, Observer};
+use crate::cancel::{Cancel, Cancelled};
 
 /// Points of a surface, voxels of work space, with their 26-neighbours on it.
 #[derive(Clone, Debug, Default)]
@@ -22,18 +22,18 @@ impl Surface {
     /// `touching` adds the points that one touches to a list, ascending.
     ///
     /// # Errors
-    /// When the observer asks to stop.
+    /// When it is cancelled.
     pub fn made_of(
         members: &[u32],
         whole: usize,
         position: impl Fn(u32) -> Point3<f64>,
         touching: impl Fn(u32, &mut Vec<u32>) + Sync,
-        observer: &dyn Observer,
+        cancel: &dyn Cancel,
     ) -> Result<Self, Cancelled> {
         let mut place = vec![u32::MAX; whole];
         members.iter().enumerate().for_each(|(k, &p)| place[p as usize] = id(k));
         let list_of = |&p: &u32| {
-            observer.check()?;
+            cancel.check()?;
             let mut list = Vec::new();
             touching(p, &mut list);
             list.iter_mut().for_each(|n| *n = place[*n as usize]);
@@ -47,17 +47,17 @@ impl Surface {
     /// The part made of some points (ascending).
     ///
     /// # Errors
-    /// When the observer asks to stop.
-    pub fn part(&self, members: &[u32], observer: &dyn Observer) -> Result<Self, Cancelled> {
+    /// When it is cancelled.
+    pub fn part(&self, members: &[u32], cancel: &dyn Cancel) -> Result<Self, Cancelled> {
         let touching = |p: u32, list: &mut Vec<u32>| list.extend_from_slice(&self.adjacency[p as usize]);
-        Self::made_of(members, self.positions.len(), |p| self.positions[p as usize], touching, observer)
+        Self::made_of(members, self.positions.len(), |p| self.positions[p as usize], touching, cancel)
     }
 
     /// Indices of the largest connected piece (the first of equals), ascending.
     ///
     /// # Errors
-    /// When the observer asks to stop.
-    pub fn largest_piece(&self, observer: &dyn Observer) -> Result<Vec<u32>, Cancelled> {
+    /// When it is cancelled.
+    pub fn largest_piece(&self, cancel: &dyn Cancel) -> Result<Vec<u32>, Cancelled> {
         let mut seen = vec![false; self.positions.len()];
         let mut best = Vec::new();
         for start in 0..seen.len() {
@@ -68,7 +68,7 @@ impl Surface {
             let mut piece = vec![id(start)];
             let mut next = 0;
             while next < piece.len() {
-                observer.check()?;
+                cancel.check()?;
                 for &n in &self.adjacency[piece[next] as usize] {
                     if !std::mem::replace(&mut seen[n as usize], true) {
                         piece.push(n);

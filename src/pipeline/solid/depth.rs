@@ -9,7 +9,8 @@ use crate::numerics::distance::{NO_SEED, Nearest, nearest_seed_within};
 use crate::numerics::field::{Field, floor_index};
 use crate::space::Grid;
 
-use crate::pipeline::observer::{Cancelled, Observer};
+use crate::cancel::{Cancel, Cancelled};
+use crate::pipeline::context::Context;
 use crate::pipeline::solid::Solid;
 
 /// How far along the surface a skin point speaks for it, voxels: half the way to the next one
@@ -81,38 +82,35 @@ impl Depth {
 }
 
 /// The boundary of a solid: one point per boundary voxel, ascending in voxel offset.
-#[derive(Clone, Debug)]
-pub struct Skin {
+struct Skin {
     points: Vec<SkinPoint>,
     voxels: Vec<usize>,
 }
 
-/// The skin of a solid.
-///
-/// # Errors
-/// When the observer asks to stop.
-pub fn skin(solid: &Solid, observer: &dyn Observer) -> Result<Skin, Cancelled> {
-    let voxels = boundary_voxels(&solid.inside, true, &|| observer.check())?;
+fn skin(solid: &Solid, cancel: &dyn Cancel) -> Result<Skin, Cancelled> {
+    let voxels = boundary_voxels(&solid.inside, true, cancel)?;
     let point_of = |&offset: &usize| {
-        observer.check()?;
+        cancel.check()?;
         Ok(skin_point(&solid.level, solid.inside.index(offset)))
     };
     let points = voxels.par_iter().with_min_len(64).map(point_of).collect::<Result<_, _>>()?;
     Ok(Skin { points, voxels })
 }
 
-/// Depths of a solid below its [`skin`].
+/// The skin of a solid, and the depth of every inner voxel below it.
 ///
 /// # Errors
-/// When the observer asks to stop.
-pub fn depth(solid: &Solid, skin: Skin, observer: &dyn Observer) -> Result<Depth, Cancelled> {
-    let Skin { points: skin, voxels: skin_voxels } = skin;
-    let nearest = nearest_seed_within(&solid.inside, &skin_voxels, &|| observer.check())?;
+/// When it is cancelled.
+pub fn depth(solid: &Solid, context: &Context<'_>) -> Result<Depth, Cancelled> {
+    let Skin { points: skin, voxels: skin_voxels } = skin(solid, context)?;
+    context.advance(0.3);
+    let nearest = nearest_seed_within(&solid.inside, &skin_voxels, context)?;
+    context.advance(0.7);
     let Nearest { squared: mut depth, seed: nearest } = nearest;
     let [nx, ny, _] = solid.inside.dims();
     let rows = depth.as_mut_slice().par_chunks_mut(nx).zip(nearest.as_slice().par_chunks(nx));
     rows.enumerate().with_min_len(16).try_for_each(|(row, (depth, nearest))| {
-        observer.check()?;
+        context.check()?;
         let (j, k) = ((row % ny) as f64, (row / ny) as f64);
         for (i, (depth, &point)) in depth.iter_mut().zip(nearest).enumerate() {
             #[expect(clippy::cast_possible_truncation, reason = "the grid is f32")]

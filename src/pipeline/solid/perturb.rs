@@ -12,13 +12,14 @@
 
 use nalgebra::Point3;
 
-use crate::numerics::cancel::GoOn;
+use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::field::{Field, floor_index};
 use crate::numerics::smooth::gaussian;
 use crate::space::Grid;
 
-use crate::pipeline::observer::{Cancelled, Observer};
-use crate::pipeline::solid::{Solid, keep_one_piece};
+use super::Solid;
+use super::clean::keep_one_piece;
+use super::senses::Senses;
 
 /// How far voxel centres hold the boundary, native voxels. A face that leans by one voxel in twice
 /// this is held; a larger reach needs faces flatter than organs have.
@@ -31,7 +32,7 @@ const STAIRCASE: f64 = 0.08;
 /// Standard deviation of the Gaussian that makes noise smooth, native voxels. Shorter, the fits
 /// of the lattice average it away; longer, both sides of a thin sheet move as one.
 const NOISE_SIGMA: f64 = 2.0;
-/// Voxels between two looks at the observer.
+/// Voxels between two looks at whether to stop.
 const SLICE: usize = 1 << 16;
 /// Start of every random sequence.
 const SEED: u64 = 0x6d65_6469_616c_7265;
@@ -40,18 +41,17 @@ const SEED: u64 = 0x6d65_6469_616c_7265;
 /// it is made on.
 ///
 /// # Errors
-/// When the observer asks to stop.
-pub fn perturbed(solid: Solid, number: u64, observer: &dyn Observer) -> Result<Solid, Cancelled> {
-    let go_on = || observer.check();
+/// When it is cancelled.
+pub(super) fn perturbed(solid: Solid, number: u64, cancel: &dyn Cancel) -> Result<Solid, Cancelled> {
     let native = solid.native.world_from_voxel.spacing_mm().map(|s| s / solid.voxel_mm);
-    let slack = slack(&solid, native, &go_on)?;
-    let noise = noise(solid.level.0.dims(), native, number, &go_on)?;
+    let slack = slack(&solid, native, cancel)?;
+    let noise = noise(solid.level.0.dims(), native, number, cancel)?;
     let old = &solid.level.0;
     let dims = old.dims();
     let mut level = old.clone();
     for offset in 0..old.as_slice().len() {
         if offset.is_multiple_of(SLICE) {
-            go_on()?;
+            cancel.check()?;
         }
         let at = old.index(offset);
         if (0..3).any(|a| at[a] == 0 || at[a] + 1 == dims[a]) {
@@ -62,8 +62,9 @@ pub fn perturbed(solid: Solid, number: u64, observer: &dyn Observer) -> Result<S
         let change = (move_by * steepness(old, offset)) as f32;
         level.as_mut_slice()[offset] += change;
     }
-    let inside = keep_one_piece(&mut level, &go_on)?;
-    Ok(Solid { inside, level: Field(level), ..solid })
+    let inside = keep_one_piece(&mut level, cancel)?;
+    let senses = Senses::of(&inside, &solid.world_from_work, cancel)?;
+    Ok(Solid { inside, level: Field(level), senses, ..solid })
 }
 
 /// Length of the gradient at an inner voxel, by central differences.
@@ -75,15 +76,15 @@ fn steepness(level: &Grid<f32>, offset: usize) -> f64 {
 }
 
 /// Standard deviation of the boundary's place near every voxel, working voxels.
-fn slack(solid: &Solid, native: [f64; 3], go_on: &GoOn<'_>) -> Result<Grid<f32>, Cancelled> {
+fn slack(solid: &Solid, native: [f64; 3], cancel: &dyn Cancel) -> Result<Grid<f32>, Cancelled> {
     let dims = solid.level.0.dims();
     #[expect(clippy::cast_possible_truncation, reason = "the grid is f32")]
     let most = (native.into_iter().fold(0.0, f64::max) / 2.0) as f32;
-    let mut gaps = [Grid::try_filled(dims, most, go_on)?, Grid::try_filled(dims, most, go_on)?];
+    let mut gaps = [Grid::try_filled(dims, most, cancel)?, Grid::try_filled(dims, most, cancel)?];
     let voxels = &solid.native;
     for offset in 0..voxels.mask.as_slice().len() {
         if offset.is_multiple_of(SLICE) {
-            go_on()?;
+            cancel.check()?;
         }
         let centre = Point3::from(voxels.mask.index(offset).map(|x| x as f64));
         let at = solid.world_from_work.voxel(voxels.world_from_voxel.point(centre));
@@ -98,12 +99,12 @@ fn slack(solid: &Solid, native: [f64; 3], go_on: &GoOn<'_>) -> Result<Grid<f32>,
     }
     for gap in &mut gaps {
         for (axis, spacing) in native.into_iter().enumerate() {
-            least_along(gap, axis, floor_index((HELD_WITHIN * spacing).ceil()), go_on)?;
+            least_along(gap, axis, floor_index((HELD_WITHIN * spacing).ceil()), cancel)?;
         }
     }
     let [mut outer, inner] = gaps;
     for (outer, inner) in outer.as_mut_slice().chunks_mut(SLICE).zip(inner.as_slice().chunks(SLICE)) {
-        go_on()?;
+        cancel.check()?;
         for (o, i) in outer.iter_mut().zip(inner) {
             let open = SLACK_SHARE * f64::from(*o + *i) / 2.0;
             #[expect(clippy::cast_possible_truncation, reason = "the grid is f32")]
@@ -115,13 +116,13 @@ fn slack(solid: &Solid, native: [f64; 3], go_on: &GoOn<'_>) -> Result<Grid<f32>,
 }
 
 /// Every value becomes the least within `reach` voxels along an axis.
-fn least_along(grid: &mut Grid<f32>, axis: usize, reach: usize, go_on: &GoOn<'_>) -> Result<(), Cancelled> {
+fn least_along(grid: &mut Grid<f32>, axis: usize, reach: usize, cancel: &dyn Cancel) -> Result<(), Cancelled> {
     let dims = grid.dims();
     let stride: usize = dims[..axis].iter().product();
     let old = grid.clone();
     for offset in 0..old.as_slice().len() {
         if offset.is_multiple_of(SLICE) {
-            go_on()?;
+            cancel.check()?;
         }
         let x = old.index(offset)[axis];
         let (back, ahead) = (x.min(reach), (dims[axis] - 1 - x).min(reach));
@@ -133,19 +134,19 @@ fn least_along(grid: &mut Grid<f32>, axis: usize, reach: usize, go_on: &GoOn<'_>
 }
 
 /// Smooth noise of mean 0 and standard deviation 1.
-fn noise(dims: [usize; 3], native: [f64; 3], number: u64, go_on: &GoOn<'_>) -> Result<Grid<f32>, Cancelled> {
+fn noise(dims: [usize; 3], native: [f64; 3], number: u64, cancel: &dyn Cancel) -> Result<Grid<f32>, Cancelled> {
     let [nx, ny, _] = dims;
-    let mut noise = Grid::try_of(dims, |[i, j, k]| white(number, (i + nx * (j + ny * k)) as u64), go_on)?;
-    gaussian(&mut noise, native.map(|spacing| NOISE_SIGMA * spacing), go_on)?;
+    let mut noise = Grid::try_of(dims, |[i, j, k]| white(number, (i + nx * (j + ny * k)) as u64), cancel)?;
+    gaussian(&mut noise, native.map(|spacing| NOISE_SIGMA * spacing), cancel)?;
     let mut square = 0.0;
     for slice in noise.as_slice().chunks(SLICE) {
-        go_on()?;
+        cancel.check()?;
         slice.iter().for_each(|x| square += f64::from(*x).powi(2));
     }
     #[expect(clippy::cast_possible_truncation, reason = "the grid is f32")]
     let scale = (1.0 / (square / noise.as_slice().len() as f64).sqrt().max(1e-12)) as f32;
     for slice in noise.as_mut_slice().chunks_mut(SLICE) {
-        go_on()?;
+        cancel.check()?;
         slice.iter_mut().for_each(|x| *x *= scale);
     }
     Ok(noise)

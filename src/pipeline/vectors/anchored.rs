@@ -9,15 +9,17 @@ use std::collections::BTreeSet;
 
 use nalgebra::{Point2, Point3, Vector3};
 
+use super::crest::{Ahead, crest, look_ahead};
+use super::nodes::Nodes;
+use super::repair::{Spread, mend_crest};
+use crate::cancel::{Cancel, Cancelled};
 use crate::model::{Repair, ring};
+use crate::pipeline::lattice::Lattice;
+use crate::pipeline::lattice::map::{Node, SpaceFromPlane};
 use crate::pipeline::lattice::rim::WholeSheet;
-use crate::pipeline::lattice::{Lattice, Node, SpaceFromPlane};
-use crate::pipeline::observer::{Cancelled, Observer};
 use crate::pipeline::sheets::sides::SheetSides;
 use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::depth::Depth;
-use crate::pipeline::vectors::repair::{Spread, mend_crest};
-use crate::pipeline::vectors::{Ahead, Nodes, crest, look_ahead};
 
 /// Slope of the radius at most: at 1 both spokes lie in the sheet.
 const MAX_SLOPE: f64 = 0.95;
@@ -28,20 +30,20 @@ const CREST_ROUNDS: usize = 12;
 /// Nodes of the sheet's lattice and where their spokes end.
 ///
 /// # Errors
-/// When the observer asks to stop.
+/// When it is cancelled.
 pub fn anchored(
     solid: &Solid,
     depth: &Depth,
     sheet: &SheetSides,
     whole: &WholeSheet,
     mut lattice: Lattice,
-    observer: &dyn Observer,
+    cancel: &dyn Cancel,
 ) -> Result<(Nodes, Repair), Cancelled> {
     let map = SpaceFromPlane::new(&whole.points.flat, &whole.points.positions, &whole.points.radii).over_holes();
-    let medial = map.nodes(&lattice.nodes, observer)?;
-    let hand = upper_sign(&lattice, &medial, &map, sheet, observer)?;
+    let medial = map.nodes(&lattice.nodes, cancel)?;
+    let hand = upper_sign(&lattice, &medial, &map, sheet, cancel)?;
     let spoke = |n: &Node| {
-        observer.check()?;
+        cancel.check()?;
         Ok(spoke_directions(n, hand).map(|d| aimed(solid, depth, n, d)))
     };
     let mut spokes: Vec<[Vector3<f64>; 2]> = medial.iter().map(spoke).collect::<Result<_, _>>()?;
@@ -52,7 +54,7 @@ pub fn anchored(
     let directions = [0, 1].map(|side| spokes.iter().map(|s| s[side]).collect::<Vec<_>>());
     let length = |node: &Node, direction: Vector3<f64>| length(solid, node, direction);
     let lengths_of = |side: usize| {
-        let length_of = |n: usize| observer.check().map(|()| length(&medial[n], spokes[n][side]));
+        let length_of = |n: usize| cancel.check().map(|()| length(&medial[n], spokes[n][side]));
         (0..medial.len()).map(length_of).collect::<Result<Vec<f64>, _>>()
     };
     let lengths = [lengths_of(0)?, lengths_of(1)?];
@@ -70,7 +72,7 @@ pub fn anchored(
         // Columns run along u, rows along v: the normal of (i, j) is that of (v, u).
         hand: -hand,
         touched: BTreeSet::new(),
-        observer,
+        cancel,
     };
     let folds_before = spread.repair()?;
     let mut round = 0;
@@ -79,7 +81,7 @@ pub fn anchored(
         let crest = crest(&solid.level, lattice.size, &spread.medial, &look_ahead(&lattice, &map, &sheet.hinge));
         let mut nodes = spread.nodes(crest, lattice.valid.clone());
         let reach_of = |from, direction, reach| solid.level.first_zero(from, direction, reach);
-        let mended = mend_crest(&mut nodes, reach_of, observer)?;
+        let mended = mend_crest(&mut nodes, reach_of, cancel)?;
         if mended.left.is_empty() || round == CREST_ROUNDS {
             break (nodes, mended);
         }
@@ -91,7 +93,7 @@ pub fn anchored(
     let moved_nodes = spread.touched.union(&crest.touched).count();
     let mut short = crest.cut;
     for n in 0..nodes.medial.len() {
-        observer.check()?;
+        cancel.check()?;
         if (0..2).any(|side| falls_short(solid, &spread, n, side)) {
             short.insert(n);
         }
@@ -115,11 +117,11 @@ fn upper_sign(
     medial: &[Node],
     map: &SpaceFromPlane<'_>,
     sheet: &SheetSides,
-    observer: &dyn Observer,
+    cancel: &dyn Cancel,
 ) -> Result<f64, Cancelled> {
     let agree = |(p, node): (&nalgebra::Point2<f64>, &Node)| {
         let normal = node.tangents[0].cross(&node.tangents[1]).normalize();
-        observer.check()?;
+        cancel.check()?;
         Ok(sheet.normals.get(map.nearest(*p).0).map_or(0.0, |n| normal.dot(n)))
     };
     let agreement = lattice.nodes.iter().zip(medial).map(agree).sum::<Result<f64, _>>()?;

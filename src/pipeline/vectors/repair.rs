@@ -10,11 +10,11 @@ use std::collections::BTreeSet;
 
 use nalgebra::{Point2, Point3, Vector2, Vector3};
 
+use super::nodes::Nodes;
+use crate::cancel::{Cancel, Cancelled};
 use crate::model::LatticeSize;
 use crate::model::{PerSurface, ring};
-use crate::pipeline::lattice::Node;
-use crate::pipeline::observer::{Cancelled, Observer};
-use crate::pipeline::vectors::Nodes;
+use crate::pipeline::lattice::map::Node;
 use crate::pipeline::vectors::legality::{Illegal, cell_edges, determinant, legality};
 
 /// Rounds of turning directions.
@@ -56,7 +56,7 @@ pub struct Spread<'a> {
     /// Nodes with a spoke that was turned, or a place that was moved.
     pub touched: BTreeSet<usize>,
     /// Who may ask to stop.
-    pub observer: &'a dyn Observer,
+    pub cancel: &'a dyn Cancel,
 }
 
 impl Spread<'_> {
@@ -91,7 +91,7 @@ impl Spread<'_> {
         let mut count = 0;
         for side in 0..2 {
             for i in 0..self.size.rows - 1 {
-                self.observer.check()?;
+                self.cancel.check()?;
                 for j in 0..cols - 1 {
                     let [inner, outer] = self.illegal(side, i, j);
                     count += inner + outer;
@@ -116,7 +116,7 @@ impl Spread<'_> {
     /// places were illegal, or nearly so, before.
     ///
     /// # Errors
-    /// When the observer asks to stop.
+    /// When it is cancelled.
     pub fn repair(&mut self) -> Result<usize, Cancelled> {
         let mut before = 0;
         let mut cut = vec![false; self.medial.len()];
@@ -135,7 +135,7 @@ impl Spread<'_> {
                 let bad: Vec<usize> = (0..marked.len()).filter(|&n| marked[n][side]).collect();
                 let calmed: Vec<Vector3<f64>> = bad.iter().map(|&n| self.calmed(side, n)).collect();
                 for (n, direction) in bad.into_iter().zip(calmed) {
-                    self.observer.check()?;
+                    self.cancel.check()?;
                     self.directions[side][n] = direction;
                     self.touched.insert(n);
                     if round < CUTS_FROM {
@@ -197,7 +197,7 @@ impl Spread<'_> {
         /// Halvings of what was cut.
         const HALVINGS: usize = 6;
         for n in (0..cut.len()).filter(|&n| cut[n]) {
-            self.observer.check()?;
+            self.cancel.check()?;
             for side in 0..2 {
                 let whole = (self.length)(&self.medial[n], self.directions[side][n]);
                 let (mut low, mut high) = (self.lengths[side][n], whole);
@@ -233,7 +233,7 @@ impl Spread<'_> {
     fn move_nodes(&mut self, marked: &[[bool; 3]], on_sheet: bool) -> Result<(), Cancelled> {
         let old = (self.flat.clone(), self.medial.clone());
         for n in (0..marked.len()).filter(|&n| marked[n][2]) {
-            self.observer.check()?;
+            self.cancel.check()?;
             let (mut flat, mut place, mut count) = (old.0[n].coords, old.1[n].position.coords, 1.0);
             for m in around(self.size, n, false) {
                 flat += old.0[m].coords;
@@ -284,17 +284,17 @@ pub struct Mended {
 /// `reach_of` is the distance to the boundary from a place along a direction, if within a reach.
 ///
 /// # Errors
-/// When the observer asks to stop.
+/// When it is cancelled.
 pub fn mend_crest(
     nodes: &mut Nodes,
     reach_of: impl Fn(Point3<f64>, Vector3<f64>, f64) -> Option<f64>,
-    observer: &dyn Observer,
+    cancel: &dyn Cancel,
 ) -> Result<Mended, Cancelled> {
     let edge = ring(nodes.size);
     let count = edge.len();
     let mut mended = Mended { touched: BTreeSet::new(), cut: BTreeSet::new(), left: Vec::new() };
     for round in 0..=TURNS + CUTS {
-        observer.check()?;
+        cancel.check()?;
         let bad: Vec<Illegal> = legality((&*nodes).into()).parts.into_iter().filter(|p| p.part.is_wedge()).collect();
         mended.left.clear();
         if bad.is_empty() {
@@ -351,7 +351,7 @@ pub fn mend_crest(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pipeline::observer::Silent;
+    use crate::cancel::Never;
 
     const SIZE: LatticeSize = LatticeSize { rows: 5, cols: 6 };
 
@@ -379,7 +379,7 @@ mod tests {
             // (i, j) = (v, u), upward: left-handed.
             hand: -1.0,
             touched: BTreeSet::new(),
-            observer: &Silent,
+            cancel: &Never,
         }
     }
 

@@ -2,20 +2,17 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Matrix2, Matrix3, Point2, Point3, SymmetricEigen, Vector2, Vector3};
+use nalgebra::{Matrix2, Point2, Point3, SymmetricEigen, Vector2};
 
-use crate::numerics::cancel::GoOn;
+use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::components::{Connectivity, components};
 use crate::numerics::distance::nearest_seed;
 use crate::numerics::field::{Field, floor_index};
 use crate::numerics::smooth::gaussian;
 use crate::space::Grid;
 
-use crate::pipeline::lattice::patch::Patch;
-use crate::pipeline::observer::{Cancelled, Observer};
-
 /// Pixel of the region's raster, voxels.
-pub(super) const PITCH: f64 = 0.5;
+pub const PITCH: f64 = 0.5;
 /// Gaps between points up to twice this are part of the sheet, voxels. Neighbours on a staircase
 /// lie up to 1.8 apart.
 const CLOSING: f64 = 1.5;
@@ -25,9 +22,6 @@ const OVERHANG: f64 = 0.5;
 /// Standard deviation of the outline's smoothing, voxels: the rim of a voxel sheet is jagged by
 /// half a voxel.
 const OUTLINE_SIGMA: f64 = 1.0;
-/// Length of the outline at an end at the least, as a share of the mean width: pointed ends would
-/// squeeze all rows into a point.
-const LEAST_END: f64 = 0.4;
 /// Share of a sheet's area from which its holes are not filled but refused: every seventh node would lie
 /// on nothing.
 pub const HOLES_REFUSED: f64 = 0.15;
@@ -37,9 +31,9 @@ const PADDING: usize = 12;
 /// The region covered by points of the plane. Lengths are voxels.
 #[derive(Clone, Debug)]
 pub struct Region {
-    pub(super) origin: Point2<f64>,
+    pub(crate) origin: Point2<f64>,
     /// Positive inside, 0 on the smoothed outline.
-    pub(super) level: Field,
+    pub(crate) level: Field,
     /// Distance to the nearest point, pixels.
     gap: Field,
     /// How far outside of the outline a point still counts as on it, in units of the level.
@@ -52,9 +46,8 @@ impl Region {
     /// The region of `points`: their closing, with holes filled and a smooth outline.
     ///
     /// # Errors
-    /// When the observer asks to stop.
-    pub fn of(points: &[Point2<f64>], observer: &dyn Observer) -> Result<Self, Cancelled> {
-        let go_on = || observer.check();
+    /// When it is cancelled.
+    pub fn of(points: &[Point2<f64>], cancel: &dyn Cancel) -> Result<Self, Cancelled> {
         let low = points.iter().fold(Vector2::repeat(f64::INFINITY), |a, p| a.inf(&p.coords));
         let high = points.iter().fold(Vector2::repeat(f64::NEG_INFINITY), |a, p| a.sup(&p.coords));
         let origin = Point2::from(low - Vector2::repeat(PADDING as f64 * PITCH));
@@ -68,15 +61,15 @@ impl Region {
         taken.sort_unstable();
         taken.dedup();
         let reach = CLOSING / PITCH;
-        let mut near = nearest_seed(dims, [1.0; 3], &taken, &go_on)?.squared;
+        let mut near = nearest_seed(dims, [1.0; 3], &taken, cancel)?.squared;
         let is_far = |o: &usize| f64::from(near.as_slice()[*o]) > reach * reach;
         let far: Vec<usize> = (0..near.as_slice().len()).filter(is_far).collect();
-        let rim = nearest_seed(dims, [1.0; 3], &far, &go_on)?.squared;
+        let rim = nearest_seed(dims, [1.0; 3], &far, cancel)?.squared;
         let shrink = reach - OVERHANG / PITCH;
-        let inside = rim.try_map(|d| f64::from(*d) > shrink * shrink, go_on)?;
-        let (inside, hole_share) = fill_holes(inside, &go_on)?;
-        let mut level = inside.try_map(|m| f32::from(u8::from(*m)), go_on)?;
-        gaussian(&mut level, [OUTLINE_SIGMA / PITCH, OUTLINE_SIGMA / PITCH, 0.0], &go_on)?;
+        let inside = rim.try_map(|d| f64::from(*d) > shrink * shrink, cancel)?;
+        let (inside, hole_share) = fill_holes(inside, cancel)?;
+        let mut level = inside.try_map(|m| f32::from(u8::from(*m)), cancel)?;
+        gaussian(&mut level, [OUTLINE_SIGMA / PITCH, OUTLINE_SIGMA / PITCH, 0.0], cancel)?;
         level.as_mut_slice().iter_mut().for_each(|v| *v -= 0.5);
         near.as_mut_slice().iter_mut().for_each(|d| *d = d.sqrt());
         Ok(Self { origin, level: Field(level), gap: Field(near), slack: 0.0, hole_share })
@@ -153,28 +146,6 @@ impl Region {
         ([axis(first), axis(other)], [extent(first), extent(other)])
     }
 
-    /// The region as the image of the square, with the short sides across its two ends. `None` for
-    /// an empty region.
-    ///
-    /// Corners are the places farthest out along the diagonals of the rectangle that has the region's
-    /// second moments, along and across its bent axis: those of a rectangle are its corners, an
-    /// ellipse has them where both axes have the same share.
-    ///
-    /// # Errors
-    /// When the observer asks to stop.
-    pub fn patch(&self, observer: &dyn Observer) -> Result<Option<Patch>, Cancelled> {
-        let outline = self.outline();
-        if outline.len() < 8 {
-            return Ok(None);
-        }
-        observer.check()?;
-        let axis = Axis::of(self);
-        let corners = axis.corners(self, &outline);
-        let side = |k: usize| Arc::between(&outline, corners[k], corners[(k + 1) % 4]);
-        let sides = [side(0), side(1), side(2), side(3)];
-        Ok(Some(Patch::harmonic(self, &sides, observer)?))
-    }
-
     /// Smallest and largest coordinates of the outline; `None` for an empty region.
     #[must_use]
     pub fn bounds(&self) -> Option<[Point2<f64>; 2]> {
@@ -187,7 +158,8 @@ impl Region {
 
     /// Number of inside pixels (at least 1), mean of their positions from the origin, and sum of
     /// the positions' products.
-    fn moments(&self) -> (f64, Vector2<f64>, Matrix2<f64>) {
+    #[must_use]
+    pub fn moments(&self) -> (f64, Vector2<f64>, Matrix2<f64>) {
         let grid = &self.level.0;
         let (mut count, mut sum, mut second) = (0.0f64, Vector2::zeros(), Matrix2::zeros());
         for o in (0..grid.as_slice().len()).filter(|&o| grid.as_slice()[o] > 0.0) {
@@ -271,198 +243,11 @@ impl Region {
     }
 }
 
-/// The long axis of a region, bent as the region is: v = c₀ + c₁u + c₂u², fitted to its area.
-struct Axis {
-    coefficients: Vector3<f64>,
-    centre: Point2<f64>,
-    /// Area over length.
-    width: f64,
-}
-
-impl Axis {
-    fn of(region: &Region) -> Self {
-        let (count, mean, second) = region.moments();
-        let centre = region.origin + mean;
-        let spread = (second[(0, 0)] / count - mean.x * mean.x).max(PITCH * PITCH).sqrt();
-        let grid = &region.level.0;
-        let (mut normal, mut right) = (Matrix3::identity() * 1e-9, Vector3::zeros());
-        for o in (0..grid.as_slice().len()).filter(|&o| grid.as_slice()[o] > 0.0) {
-            let [i, j, _] = grid.index(o);
-            let p = region.origin + Vector2::new(i as f64, j as f64) * PITCH - centre;
-            let row = Vector3::new(1.0, p.x / spread, (p.x / spread).powi(2));
-            normal += row * row.transpose();
-            right += row * p.y;
-        }
-        let fit = normal.cholesky().map_or_else(Vector3::zeros, |c| c.solve(&right));
-        let coefficients = fit.component_div(&Vector3::new(1.0, spread, spread * spread));
-        // The side of a rectangle is √12 times its root second moment.
-        let width = count * PITCH * PITCH / (12.0f64.sqrt() * spread);
-        Self { coefficients, centre, width }
-    }
-
-    /// How far along the axis a point lies: the u of its foot.
-    fn station(&self, p: &Point2<f64>) -> f64 {
-        let p = p - self.centre;
-        let [c0, c1, c2] = self.coefficients.into();
-        let mut u = p.x;
-        for _ in 0..4 {
-            let (height, slope) = (p.y - c0 - c1 * u - c2 * u * u, c1 + 2.0 * c2 * u);
-            let step = (p.x - u + height * slope) / (1.0 + slope * slope - 2.0 * c2 * height).max(0.3);
-            u += step;
-        }
-        u
-    }
-
-    /// Along the axis and to its left, voxels.
-    fn straightened(&self, p: &Point2<f64>) -> Vector2<f64> {
-        let u = self.station(p);
-        let [c0, c1, c2] = self.coefficients.into();
-        let p = p - self.centre;
-        let slope = c1 + 2.0 * c2 * u;
-        let across = (p - Vector2::new(u, c0 + c1 * u + c2 * u * u)).dot(&Vector2::new(-slope, 1.0));
-        Vector2::new(u, across / slope.hypot(1.0))
-    }
-
-    /// Corners counter-clockwise from the one that is first along and right of the axis; a place is
-    /// an edge of the outline and a share of it.
-    fn corners(&self, region: &Region, outline: &[Point2<f64>]) -> [(usize, f64); 4] {
-        let grid = &region.level.0;
-        let (mut count, mut sum, mut second) = (0.0f64, Vector2::zeros(), Vector2::zeros());
-        for o in (0..grid.as_slice().len()).filter(|&o| grid.as_slice()[o] > 0.0) {
-            let [i, j, _] = grid.index(o);
-            let at = self.straightened(&(region.origin + Vector2::new(i as f64, j as f64) * PITCH));
-            count += 1.0;
-            sum += at;
-            second += at.component_mul(&at);
-        }
-        let mean = sum / count.max(1.0);
-        let half = (second / count.max(1.0) - mean.component_mul(&mean)).map(|v| (3.0 * v.max(PITCH * PITCH)).sqrt());
-        let scaled: Vec<Point2<f64>> =
-            outline.iter().map(|p| (self.straightened(p) - mean).component_div(&half).into()).collect();
-        let (lengths, scaled_lengths) = (Lengths::of(outline), Lengths::of(&scaled));
-        let mut at = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| {
-            let values: Vec<f64> = scaled.iter().map(|p| p.x * x + p.y * y).collect();
-            lengths.at(scaled_lengths.place(scaled_lengths.of_farthest(&values)))
-        });
-        // An end that is a point takes in some of the outline on both sides.
-        for (from, to) in [(1, 2), (3, 0)] {
-            let missing = (LEAST_END * self.width - lengths.between(at[from], at[to])).max(0.0);
-            at[from] = (at[from] - missing / 2.0).rem_euclid(lengths.total());
-            at[to] = (at[to] + missing / 2.0).rem_euclid(lengths.total());
-        }
-        at.map(|length| lengths.place(length))
-    }
-}
-
-/// Lengths along a closed outline from its first point.
-struct Lengths(Vec<f64>);
-
-impl Lengths {
-    fn of(outline: &[Point2<f64>]) -> Self {
-        let mut reached = vec![0.0];
-        for k in 0..outline.len() {
-            reached.push(reached[k] + (outline[(k + 1) % outline.len()] - outline[k]).norm());
-        }
-        Self(reached)
-    }
-
-    fn total(&self) -> f64 {
-        self.0[self.0.len() - 1]
-    }
-
-    /// Length counter-clockwise from one place to another; an end that is turned over has none.
-    fn between(&self, from: f64, to: f64) -> f64 {
-        let length = (to - from).rem_euclid(self.total());
-        if length > self.total() / 2.0 { length - self.total() } else { length }
-    }
-
-    /// Where a value is largest: the mean of the places near the largest, weighted by how near they
-    /// come, so that noise does not move it along a flat maximum.
-    fn of_farthest(&self, values: &[f64]) -> f64 {
-        /// Difference to the largest value at which a place counts 1/e.
-        const SOFT: f64 = 0.1;
-        let best = (0..values.len()).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0);
-        let (mut sum, mut total) = (0.0, 0.0);
-        for (k, value) in values.iter().enumerate() {
-            let offset = self.between(self.0[best], self.0[k]);
-            if offset.abs() < self.total() / 8.0 {
-                let weight = ((value - values[best]) / SOFT).exp() * (self.0[k + 1] - self.0[k]);
-                sum += weight * offset;
-                total += weight;
-            }
-        }
-        (self.0[best] + sum / total.max(1e-300)).rem_euclid(self.total())
-    }
-
-    /// The length at a share of an edge.
-    fn at(&self, (k, share): (usize, f64)) -> f64 {
-        self.0[k] + (self.0[k + 1] - self.0[k]) * share
-    }
-
-    /// The edge at a length, and the share of it.
-    fn place(&self, length: f64) -> (usize, f64) {
-        let k = self.0.partition_point(|l| *l <= length).clamp(1, self.0.len() - 1) - 1;
-        (k, (length - self.0[k]) / (self.0[k + 1] - self.0[k]).max(1e-12))
-    }
-}
-
-/// A piece of the outline, read by the share of its length.
-#[derive(Clone, Debug)]
-pub struct Arc {
-    /// Points at equal lengths from one end to the other.
-    table: Vec<Vector2<f64>>,
-}
-
-impl Arc {
-    /// Entries of a table; a side of 500 voxels has one per voxel.
-    pub const ENTRIES: usize = 513;
-
-    /// From one place on the outline on to another; a place is an edge and a share of it.
-    fn between(outline: &[Point2<f64>], from: (usize, f64), to: (usize, f64)) -> Self {
-        let count = outline.len();
-        let at = |(k, t): (usize, f64)| outline[k].coords + (outline[(k + 1) % count] - outline[k]) * t;
-        let mut points = vec![at(from)];
-        let mut k = from.0;
-        while k != to.0 && points.len() <= count {
-            k = (k + 1) % count;
-            points.push(outline[k].coords);
-        }
-        points.push(at(to));
-        Self::of(&points)
-    }
-
-    fn of(points: &[Vector2<f64>]) -> Self {
-        let mut reached = vec![0.0];
-        for pair in points.windows(2) {
-            reached.push(reached[reached.len() - 1] + (pair[1] - pair[0]).norm());
-        }
-        let total = reached[reached.len() - 1];
-        let mut k = 1;
-        let mut entry = |n: usize| {
-            let wanted = total * n as f64 / (Self::ENTRIES - 1) as f64;
-            while k + 1 < points.len() && reached[k] < wanted {
-                k += 1;
-            }
-            let t = (wanted - reached[k - 1]) / (reached[k] - reached[k - 1]).max(1e-12);
-            points[k - 1] + (points[k] - points[k - 1]) * t.clamp(0.0, 1.0)
-        };
-        Self { table: (0..Self::ENTRIES).map(&mut entry).collect() }
-    }
-
-    /// The point at a share of the length, 0 to 1.
-    #[must_use]
-    pub fn at(&self, share: f64) -> Vector2<f64> {
-        let x = share.clamp(0.0, 1.0) * (Self::ENTRIES - 1) as f64;
-        let k = floor_index(x).min(Self::ENTRIES - 2);
-        self.table[k] + (self.table[k + 1] - self.table[k]) * (x - k as f64)
-    }
-}
-
 /// Keeps the largest piece of the pixels and fills its holes; returns their share too.
-fn fill_holes(mut pixels: Grid<bool>, go_on: &GoOn<'_>) -> Result<(Grid<bool>, f64), Cancelled> {
-    let pieces = components(&pixels, true, Connectivity::Corners26, go_on)?;
+fn fill_holes(mut pixels: Grid<bool>, cancel: &dyn Cancel) -> Result<(Grid<bool>, f64), Cancelled> {
+    let pieces = components(&pixels, true, Connectivity::Corners26, cancel)?;
     pieces.set_all_but(pieces.largest(), &mut pixels, false);
-    let background = components(&pixels, false, Connectivity::Faces6, go_on)?;
+    let background = components(&pixels, false, Connectivity::Faces6, cancel)?;
     let filled = background.set_all_but(background.of_first_voxel(), &mut pixels, true);
     let area = pixels.as_slice().iter().filter(|p| **p).count().max(1);
     Ok((pixels, filled as f64 / area as f64))

@@ -1,0 +1,139 @@
+//! What every stage is handed beside its input: the parameters, who listens, and where its warnings and its
+//! time are noted.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+use super::observer::Observer;
+use crate::cancel::{Cancel, Cancelled};
+use crate::model::{LatticeSize, Stage, StageTimings, Warning};
+use crate::params::CheckedParams;
+
+/// One repeat of a structure for its uncertainty.
+#[derive(Clone, Copy, Debug)]
+pub struct Repeat<'a> {
+    /// Which one, from 1.
+    pub number: u64,
+    /// Lattice sizes of the figures that it repeats.
+    pub sizes: &'a [LatticeSize],
+}
+
+/// The context of one structure's stages.
+pub struct Context<'a> {
+    /// What is asked for.
+    pub params: &'a CheckedParams,
+    /// Which repeat this is; none for the result itself.
+    pub repeat: Option<Repeat<'a>>,
+    pub(super) observer: &'a dyn Observer,
+    /// Which structure this is, from 0.
+    pub(super) structure: usize,
+    /// Of how many.
+    pub(super) structures: usize,
+    notes: Mutex<Notes>,
+}
+
+/// What the stages leave beside their output.
+#[derive(Clone, Debug, Default)]
+pub struct Notes {
+    /// Warnings, in the order in which they were given.
+    pub warnings: Vec<Warning>,
+    /// Time of each stage.
+    pub timings: StageTimings,
+    /// The stage that runs, and which part of it of how many.
+    running: Option<(Stage, Part)>,
+}
+
+/// A stage that is gone through once for each of several sheets is done in parts.
+#[derive(Clone, Copy, Debug)]
+pub struct Part {
+    /// Which part, from 0.
+    pub number: usize,
+    /// Of how many.
+    pub of: usize,
+}
+
+impl Part {
+    /// A stage that is done in one go.
+    pub const WHOLE: Self = Self { number: 0, of: 1 };
+
+    /// Share of the stage when this share of the part is done.
+    fn share(self, done: f64) -> f64 {
+        (self.number as f64 + done.clamp(0.0, 1.0)) / self.of.max(1) as f64
+    }
+}
+
+impl<'a> Context<'a> {
+    /// The context of structure `structure` of `structures`.
+    #[must_use]
+    pub fn new(params: &'a CheckedParams, observer: &'a dyn Observer, structure: usize, structures: usize) -> Self {
+        Self { params, repeat: None, observer, structure, structures, notes: Mutex::default() }
+    }
+
+    /// The context of a repeat of the same structure, whose progress nobody hears.
+    pub(super) fn of_repeat<'b>(&self, repeat: Repeat<'b>, muted: &'b dyn Observer) -> Context<'b>
+    where
+        'a: 'b,
+    {
+        Context { repeat: Some(repeat), ..Context::new(self.params, muted, self.structure, self.structures) }
+    }
+
+    /// Runs `work` as a stage: looks whether to stop, reports, and takes the time. Of one that is stopped or refused
+    /// no end is reported.
+    ///
+    /// # Errors
+    /// Those of `work`; when it is cancelled.
+    pub fn stage<T, E: From<Cancelled>>(&self, stage: Stage, work: impl FnOnce() -> Result<T, E>) -> Result<T, E> {
+        self.part_of_stage(stage, Part::WHOLE, work)
+    }
+
+    /// Runs `work` as a part of a stage.
+    ///
+    /// # Errors
+    /// Those of `work`; when it is cancelled.
+    pub fn part_of_stage<T, E: From<Cancelled>>(
+        &self,
+        stage: Stage,
+        part: Part,
+        work: impl FnOnce() -> Result<T, E>,
+    ) -> Result<T, E> {
+        self.check()?;
+        self.notes().running = Some((stage, part));
+        self.advance(0.0);
+        let start = Instant::now();
+        let result = work();
+        self.notes().timings.add(stage, start.elapsed());
+        if result.is_ok() {
+            self.advance(1.0);
+        }
+        result
+    }
+
+    /// Reports that this share of the stage, or of the part of it, is done.
+    pub fn advance(&self, share: f64) {
+        let running = self.notes().running;
+        if let Some((stage, part)) = running {
+            self.observer.progress(self.structure, self.structures, stage, part.share(share));
+        }
+    }
+
+    /// Notes something that the reader of the result should know.
+    pub fn warn(&self, code: &'static str, message: String) {
+        self.notes().warnings.push(Warning { code, message });
+    }
+
+    /// What the stages have left.
+    #[must_use]
+    pub fn into_notes(self) -> Notes {
+        self.notes.into_inner().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn notes(&self) -> MutexGuard<'_, Notes> {
+        self.notes.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Cancel for Context<'_> {
+    fn is_cancelled(&self) -> bool {
+        self.observer.is_cancelled()
+    }
+}

@@ -1,0 +1,88 @@
+//! From work space to the world: what the stages found, as the plain data of the model.
+
+use nalgebra::{Point2, Point3};
+
+use super::draft::Draft;
+use super::medial::MedialSurface;
+use super::plane::Flat;
+use super::quality::Measured;
+use super::quality::measures::FlatQuads;
+use super::sheets::Sheets;
+use super::sheets::sides::SheetSides;
+use super::solid::Solid;
+use crate::model::{Figure, FigureQuality, FlatPoints, Junction, PerSurface, Structure};
+use crate::space::ParamPoint;
+
+/// Writes the figures of a structure, their junctions and qualities into it.
+pub(super) fn hand_out(
+    solid: &Solid,
+    surface: &MedialSurface,
+    sheets: &Sheets,
+    (sides, drafts): (&[SheetSides], &[Option<Draft>]),
+    measured: Measured,
+    structure: &mut Structure,
+) {
+    let mut qualities = measured.figures.into_iter();
+    for (sheet, draft) in sides.iter().zip(drafts) {
+        let Some(draft) = draft else { continue };
+        let quality = qualities.next().unwrap_or_default();
+        structure.figures.push(figure(solid, sheet, draft, quality));
+    }
+    structure.quality = measured.structure;
+    structure.junctions = junctions(solid, surface, sheets, drafts);
+    structure.pruned = sheets.pruned;
+}
+
+fn in_mm(points: &[Point2<f64>], voxel_mm: f64) -> Vec<ParamPoint> {
+    points.iter().map(|p| ParamPoint::from(p.coords * voxel_mm)).collect()
+}
+
+/// A finished figure in the world.
+fn figure(solid: &Solid, sheet: &SheetSides, draft: &Draft, quality: FigureQuality) -> Figure {
+    let Draft { nodes, flat, frame, choices, .. } = draft;
+    let mm = solid.voxel_mm;
+    Figure {
+        grid: nodes.size,
+        medial: solid.in_world(&nodes.medial),
+        upper: solid.in_world(&nodes.upper),
+        lower: solid.in_world(&nodes.lower),
+        crest: solid.in_world(&nodes.crest),
+        valid: nodes.valid.clone(),
+        medial_radius_mm: nodes.radii.iter().map(|r| r * mm).collect(),
+        area_distortion: FlatQuads::from(nodes).log_ratio_per_node(),
+        intrinsic: nodes.intrinsic.map(|points| in_mm(points, mm)),
+        neighbors: flat.map(|flat| flat.neighbors),
+        landmarks: flat.map(|flat| flat.landmarks),
+        points: PerSurface {
+            medial: flat_points(solid, &sheet.medial.positions, &flat.medial),
+            upper: flat_points(solid, &sheet.upper.surface.positions, &flat.upper),
+            lower: flat_points(solid, &sheet.lower.surface.positions, &flat.lower),
+        },
+        quality,
+        frame: frame.clone(),
+        automatic: choices.clone(),
+        uncertainty: None,
+    }
+}
+
+/// The points of a surface and where they were laid.
+fn flat_points(solid: &Solid, positions: &[Point3<f64>], flat: &Flat) -> FlatPoints {
+    FlatPoints { positions: solid.in_world(positions), flat: in_mm(&flat.points, solid.voxel_mm) }
+}
+
+/// Hinges between the figures that were kept.
+fn junctions(solid: &Solid, surface: &MedialSurface, sheets: &Sheets, drafts: &[Option<Draft>]) -> Vec<Junction> {
+    let mut number = Vec::new();
+    for draft in drafts {
+        number.push(draft.is_some().then(|| number.iter().flatten().count()));
+    }
+    let mut all = Vec::new();
+    for hinge in &sheets.hinges {
+        let figures: Vec<usize> = hinge.sheets.iter().filter_map(|&s| number[s as usize]).collect();
+        if figures.len() > 1 {
+            let points = hinge.points.iter().map(|&p| surface.points[p as usize].position).collect::<Vec<_>>();
+            all.push(Junction { figures, points: solid.in_world(&points) });
+        }
+    }
+    all
+}

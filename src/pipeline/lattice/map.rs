@@ -1,0 +1,126 @@
+//! The map from the plane back to space: a local quadratic fit (moving least squares), so that the staircase of
+//! the voxels does not reach the mesh.
+
+use nalgebra::{Point2, Point3, SVector, Vector3};
+
+use crate::cancel::{Cancel, Cancelled};
+use crate::numerics::cells::Cells;
+use crate::numerics::fit::{LocalFit, quadratic};
+
+/// Radius of the local fits, voxels. Below 3 the staircase shows; above 6 bends of small radius
+/// are flattened.
+const FIT_RADIUS: f64 = 5.0;
+/// How far from its nearest point a fit may be read, voxels. The rim of a sheet lies up to one
+/// voxel beyond its outermost points.
+const OVERREACH: f64 = 2.0;
+/// Radius of the fit of the slope of the values, in values: the radius of a medial sheet changes over
+/// lengths of the radius itself, and what changes faster is the staircase.
+const SLOPE_RADII: f64 = 1.5;
+/// The same at most, voxels.
+const MAX_SLOPE_RADIUS: f64 = 12.0;
+/// Radius of a fit in a hole, in radii of the hole: points all around must count.
+const HOLE_RADII: f64 = 2.0;
+
+/// The map from the plane back to space: position and one more value of every point.
+pub struct SpaceFromPlane<'a> {
+    flat: &'a [Point2<f64>],
+    positions: &'a [Point3<f64>],
+    values: &'a [f64],
+    cells: Cells,
+    overreach: f64,
+}
+
+/// A node brought back to space.
+#[derive(Clone, Copy, Debug)]
+pub struct Node {
+    /// Position, voxels of work space.
+    pub position: Point3<f64>,
+    /// Derivative of the position along u and v.
+    pub tangents: [Vector3<f64>; 2],
+    /// The value carried along.
+    pub value: f64,
+    /// Derivative of the value along u and v.
+    pub slopes: [f64; 2],
+}
+
+impl<'a> SpaceFromPlane<'a> {
+    /// From the points' plane coordinates, positions and a value each (may be empty: then 0).
+    #[must_use]
+    pub fn new(flat: &'a [Point2<f64>], positions: &'a [Point3<f64>], values: &'a [f64]) -> Self {
+        Self { flat, positions, values, cells: Cells::new(flat, FIT_RADIUS), overreach: OVERREACH }
+    }
+
+    /// The map of points that reach up to the rim: a place far from all of them lies in a hole, and is
+    /// read from what is around it.
+    #[must_use]
+    pub fn over_holes(self) -> Self {
+        Self { overreach: f64::INFINITY, ..self }
+    }
+
+    /// The point of space at `p`. Fits are read no further than [`OVERREACH`] from the points they
+    /// were made of: beyond, they say nothing, and the nearest point stands for the place.
+    #[must_use]
+    pub fn node(&self, p: Point2<f64>) -> Node {
+        let (nearest, gap) = self.nearest(p);
+        let (at, gap) = if gap <= self.overreach { (p, gap) } else { (self.flat[nearest], 0.0) };
+        let mut radius = FIT_RADIUS.max(HOLE_RADII * gap);
+        // Twice doubled, a radius reaches 20 voxels: with fewer than six points there, there is no sheet.
+        for _ in 0..3 {
+            if let Some(fit) = self.fit(at, radius) {
+                let mut node = as_node(&fit);
+                let wide = (SLOPE_RADII * node.value).min(MAX_SLOPE_RADIUS);
+                if wide > radius
+                    && let Some(fit) = self.fit(at, wide)
+                {
+                    node.slopes = [fit.du[3], fit.dv[3]];
+                }
+                return node;
+            }
+            radius *= 2.0;
+        }
+        self.bare(nearest)
+    }
+
+    /// [`Self::node`] of some places.
+    ///
+    /// # Errors
+    /// When it is cancelled.
+    pub fn nodes(&self, places: &[Point2<f64>], cancel: &dyn Cancel) -> Result<Vec<Node>, Cancelled> {
+        places.iter().map(|p| cancel.check().map(|()| self.node(*p))).collect()
+    }
+
+    /// The point nearest to `p`, and how far it is.
+    #[must_use]
+    pub fn nearest(&self, p: Point2<f64>) -> (usize, f64) {
+        let distance = |k: usize| (self.flat[k] - p).norm();
+        let closest =
+            |points: &mut dyn Iterator<Item = usize>| points.min_by(|&a, &b| distance(a).total_cmp(&distance(b)));
+        let near = closest(&mut self.cells.around(p, FIT_RADIUS)).filter(|&k| distance(k) <= FIT_RADIUS);
+        let k = near.or_else(|| closest(&mut (0..self.flat.len()))).unwrap_or(0);
+        (k, distance(k))
+    }
+
+    fn fit(&self, p: Point2<f64>, radius: f64) -> Option<LocalFit<4>> {
+        let sample = |k: usize| {
+            let x = self.positions[k];
+            let value = self.values.get(k).copied().unwrap_or(0.0);
+            (self.flat[k], SVector::<f64, 4>::new(x.x, x.y, x.z, value))
+        };
+        quadratic(p, radius, self.cells.around(p, radius).map(sample))
+    }
+
+    fn bare(&self, k: usize) -> Node {
+        let value = self.values.get(k).copied().unwrap_or(0.0);
+        Node { position: self.positions[k], tangents: [Vector3::x(), Vector3::y()], value, slopes: [0.0; 2] }
+    }
+}
+
+fn as_node(fit: &LocalFit<4>) -> Node {
+    let part = |v: &SVector<f64, 4>| Vector3::new(v[0], v[1], v[2]);
+    Node {
+        position: Point3::from(part(&fit.value)),
+        tangents: [part(&fit.du), part(&fit.dv)],
+        value: fit.value[3],
+        slopes: [fit.du[3], fit.dv[3]],
+    }
+}

@@ -1,0 +1,39 @@
+//! The nodes of a sheet's lattices, in work space.
+
+use nalgebra::{Point2, Point3};
+
+use crate::model::{LatticeSize, PerSurface, Shell};
+
+/// The nodes of a figure in work space.
+#[derive(Clone, Debug)]
+pub struct Nodes {
+    /// Lattice size.
+    pub size: LatticeSize,
+    /// Medial nodes.
+    pub medial: Vec<Point3<f64>>,
+    /// Inscribed radius at each, voxels.
+    pub radii: Vec<f64>,
+    /// Upper nodes.
+    pub upper: Vec<Point3<f64>>,
+    /// Lower nodes.
+    pub lower: Vec<Point3<f64>>,
+    /// Crest points in the order of [`ring`].
+    pub crest: Vec<Point3<f64>>,
+    /// Whether a node lies on all three surfaces.
+    pub valid: Vec<bool>,
+    /// Plane coordinates on each surface, voxels.
+    pub intrinsic: PerSurface<Vec<Point2<f64>>>,
+}
+
+impl<'a> From<&'a Nodes> for Shell<'a> {
+    fn from(nodes: &'a Nodes) -> Self {
+        Self {
+            size: nodes.size,
+            medial: &nodes.medial,
+            upper: &nodes.upper,
+            lower: &nodes.lower,
+            crest: &nodes.crest,
+            valid: &nodes.valid,
+        }
+    }
+}
