@@ -17,7 +17,7 @@ pub fn check(bytes: &[u8]) {
     let mut file = NamedTempFile::new().unwrap();
     file.write_all(bytes).unwrap();
     let header = check_header(file.path(), LIMITS);
-    match (read_file(file.path(), LIMITS, &|| Ok(())), header) {
+    match (read_file(file.path(), LIMITS, &medialrep::cancel::Never), header) {
         (Ok(found), Ok(facts)) => {
             assert_eq!(facts.voxels, found.volume.indices.as_slice().len() as u64);
             assert!(check_magic(bytes).is_ok());

@@ -11,15 +11,23 @@ pub mod components;
 
 pub mod topology;
 
+pub mod flood;
+
 pub mod graph;
 
 pub mod eigen;
 
 pub mod balls;
 
+pub mod points;
+
 pub mod cells;
 
 pub mod fit;
+
+pub mod polyline;
+
+pub mod stats;
 
 pub mod surface_nets;
 

@@ -108,10 +108,10 @@ impl<'a> Context<'a> {
         result
     }
 
-    /// Reports that this share of the stage, or of the part of it, is done.
+    /// Reports that this share of the stage, or of the part of it, is done; nothing once the run is to stop.
     pub fn advance(&self, share: f64) {
         let running = self.notes().running;
-        if let Some((stage, part)) = running {
+        if let (Some((stage, part)), false) = (running, self.is_cancelled()) {
             self.observer.progress(self.structure, self.structures, stage, part.share(share));
         }
     }

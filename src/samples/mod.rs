@@ -10,8 +10,7 @@ mod shapes;
 
 mod voxelise;
 
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
-
+use crate::numerics::points::Points;
 use crate::space::WorldPoint;
 
 pub use patch::{Ball, Patch};
@@ -83,13 +82,13 @@ pub struct Solid {
     label: u16,
     patches: Vec<Patch>,
     balls: Vec<Vec<Ball>>,
-    sheet_trees: Vec<ImmutableKdTree<f64, 3>>,
+    sheet_trees: Vec<Points>,
     bands: Vec<Band>,
 }
 
 struct Band {
-    tree: ImmutableKdTree<f64, 3>,
-    radii_mm: Vec<f64>,
+    tree: Points,
+    balls: Vec<Ball>,
 }
 
 impl Solid {
@@ -121,8 +120,8 @@ impl Solid {
     #[must_use]
     pub fn signed_mm(&self, point: WorldPoint) -> f64 {
         let to_band = |band: &Band| {
-            let (index, distance) = nearest(&band.tree, point);
-            distance - band.radii_mm[index]
+            let (index, distance) = nearest(&band.tree, &band.balls, point);
+            distance - band.balls[index].radius_mm
         };
         self.bands.iter().map(to_band).fold(f64::INFINITY, f64::min)
     }
@@ -143,7 +142,7 @@ impl Solid {
     fn foot(&self, point: WorldPoint) -> (f64, f64) {
         let mut best = (0.0, f64::INFINITY);
         for ((patch, balls), tree) in self.patches.iter().zip(&self.balls).zip(&self.sheet_trees) {
-            let at = patch.nearest(point, balls[nearest(tree, point).0].at);
+            let at = patch.nearest(point, balls[nearest(tree, balls, point).0].at);
             let distance = (point - patch.position(at)).norm();
             if distance < best.1 {
                 best = (patch.radius_mm(at), distance);
@@ -161,22 +160,20 @@ fn bands(balls: &[Vec<Ball>]) -> Vec<Band> {
     while let Some(first) = rest.first() {
         let count = rest.partition_point(|ball| ball.radius_mm < first.radius_mm + RADIUS_BAND_MM);
         let (band, after) = rest.split_at(count);
-        let radii_mm = band.iter().map(|ball| ball.radius_mm).collect();
-        bands.push(Band { tree: tree_of(band.iter().copied()), radii_mm });
+        bands.push(Band { tree: tree_of(band.iter().copied()), balls: band.iter().map(|ball| **ball).collect() });
         rest = after;
     }
     bands
 }
 
-fn tree_of<'a>(balls: impl Iterator<Item = &'a Ball>) -> ImmutableKdTree<f64, 3> {
-    let points: Vec<[f64; 3]> = balls.map(|ball| ball.center.coords.into()).collect();
-    ImmutableKdTree::new_from_slice(&points).expect("samples are finite and not empty")
+fn tree_of<'a>(balls: impl Iterator<Item = &'a Ball>) -> Points {
+    Points::new(&balls.map(|ball| ball.center).collect::<Vec<_>>())
 }
 
-fn nearest(tree: &ImmutableKdTree<f64, 3>, point: WorldPoint) -> (usize, f64) {
-    let query: [f64; 3] = point.coords.into();
-    let found = tree.query(&query).nearest_one::<SquaredEuclidean<f64>>().execute();
-    (usize::try_from(found.item).expect("an index of a slice"), found.distance.sqrt())
+/// The nearest point of a tree, and how far it is.
+fn nearest(tree: &Points, balls: &[Ball], point: WorldPoint) -> (usize, f64) {
+    let found = tree.nearest(point).expect("samples are not empty");
+    (found, (balls[found].center - point).norm())
 }
 
 #[cfg(test)]

@@ -83,7 +83,9 @@ fn sample_lists_and_writes() {
     let file = folder.path().join("leaf.nii.gz");
     let done = medialrep(&["sample", "leaf", "--out", text(&file), "--spacing", "1,1,2", "--rotate-deg", "-20"]);
     assert!(done.status.success());
-    let read = medialrep::formats::read_file(&file, medialrep::formats::InputLimits::default(), &|| Ok(())).unwrap();
+    let read =
+        medialrep::formats::read_file(&file, medialrep::formats::InputLimits::default(), &medialrep::cancel::Never)
+            .unwrap();
     let spacing = read.volume.world_from_voxel.spacing_mm();
     assert!((spacing[2] - 2.0).abs() < 1e-5 && read.volume.label_voxels[1] > 1000);
 }

@@ -50,7 +50,7 @@ const BIGBRAIN: &[(i64, u64)] = &[
 fn real_files_are_read_as_nibabel_reads_them() {
     let Some(folder) = shared_data() else { return };
     for (name, dims, labels, position) in CASES {
-        let volume = read_file(&folder.join(name), InputLimits::default(), &|| Ok(())).unwrap().volume;
+        let volume = read_file(&folder.join(name), InputLimits::default(), &medialrep::cancel::Never).unwrap().volume;
         assert_eq!(volume.indices.dims(), dims, "{name}");
         let found = volume.label_values.iter().copied().zip(volume.label_voxels.iter().copied()).skip(1);
         assert_eq!(found.collect::<Vec<_>>(), labels, "{name}");
@@ -62,6 +62,8 @@ fn real_files_are_read_as_nibabel_reads_them() {
 #[test]
 fn other_formats_are_refused_by_name() {
     let Some(folder) = shared_data() else { return };
-    let error = read_file(&folder.join("nrrd/Segmentation.seg.nrrd"), InputLimits::default(), &|| Ok(())).unwrap_err();
+    let error =
+        read_file(&folder.join("nrrd/Segmentation.seg.nrrd"), InputLimits::default(), &medialrep::cancel::Never)
+            .unwrap_err();
     assert!(error.code() == "not_nifti" && error.to_string().contains("NRRD"), "{error}");
 }

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
+use medialrep::cancel::Cancel;
 use medialrep::formats::thickness_json::InputFacts;
 use medialrep::jobs::process::{ARTIFACTS, InputLimits, ProcessError, Source, process, publish};
 use medialrep::model::{Stage, Warning};
@@ -35,7 +36,9 @@ struct CancelAt(usize, AtomicUsize);
 
 impl Observer for CancelAt {
     fn progress(&self, _: usize, _: usize, _: Stage, _: f64) {}
+}
 
+impl Cancel for CancelAt {
     fn is_cancelled(&self) -> bool {
         self.1.fetch_add(1, Ordering::Relaxed) >= self.0
     }

@@ -5,11 +5,12 @@ use medialrep::model::FrameFacts;
 use medialrep::model::LatticeSize;
 use medialrep::model::Refusal;
 use medialrep::model::{
-    Coverage, Figure, FigureQuality, FlatPoints, Junction, Model, PerSurface, Reason, StageTimings, Structure,
+    Coverage, Figure, FigureQuality, FlatPoints, Junction, Model, PerSurface, Reason, Repair, StageTimings, Structure,
     StructureQuality, TriangleMesh, Verdict, ring,
 };
 use medialrep::model::{Stage, Warning};
 use medialrep::params::Params;
+use medialrep::pipeline::draft::Draft;
 use medialrep::pipeline::vectors::Nodes;
 use medialrep::space::{ParamPoint, WorldFromVoxel, WorldPoint, WorldVector};
 use nalgebra::{Point3, Vector3};
@@ -130,5 +131,16 @@ pub fn model() -> Model {
         world_from_voxel: WorldFromVoxel::axis_aligned([1.0, 1.0, 2.0], [-10.0, 0.0, 5.5]).unwrap(),
         dims: [90, 80, 70],
         structures: vec![structure(11, vec![bent_slab(LatticeSize { rows: 6, cols: 8 }), holed]), refused],
+    }
+}
+
+/// A figure on its way, of these nodes and nothing else.
+pub fn drafted(nodes: Nodes) -> Draft {
+    Draft {
+        nodes,
+        flat: PerSurface::default(),
+        frame: FrameFacts::default(),
+        choices: Automatic::default(),
+        repair: Repair::default(),
     }
 }

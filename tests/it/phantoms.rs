@@ -1,8 +1,12 @@
 //! Analytic shapes and what is measured on their results.
 
 use medialrep::model::{Figure, Model};
-use medialrep::params::{GridChoice, Params};
+use medialrep::params::{CheckedParams, GridChoice, Params};
+use medialrep::pipeline::context::Context;
 use medialrep::pipeline::observer::Silent;
+use medialrep::pipeline::solid::cut_out::{Label, label_boxes};
+use medialrep::pipeline::solid::depth::{Depth, depth};
+use medialrep::pipeline::solid::{Masked, Solid, masked};
 use medialrep::pipeline::{PipelineError, run};
 use medialrep::samples::{Sample, by_name};
 use medialrep::space::{Grid, LabelVolume, WorldFromVoxel, WorldPoint};
@@ -32,6 +36,26 @@ pub fn model_of(volume: &LabelVolume, params: Params) -> Model {
 
 pub fn run_of(volume: &LabelVolume, params: Params) -> Result<Model, PipelineError> {
     run(volume, &params.check().expect("params in range"), &Silent)
+}
+
+/// Parameters that nothing is asked for in.
+pub fn defaults() -> CheckedParams {
+    Params::default().check().expect("the defaults are in range")
+}
+
+/// What stages are handed beside their input, when nobody listens.
+pub fn context(params: &CheckedParams) -> Context<'_> {
+    Context::new(params, &Silent, 0, 1)
+}
+
+/// The stages up to the depth, of label 1.
+pub fn deepened(volume: &LabelVolume) -> (Solid, Depth) {
+    let params = defaults();
+    let context = context(&params);
+    let bounds = label_boxes(volume, &context).expect("not cancelled")[1].expect("label 1 is there");
+    let Masked { solid, .. } = masked(volume, Label { index: 1, bounds }, &context).expect("a solid");
+    let depth = depth(&solid, &context).expect("not cancelled");
+    (solid, depth)
 }
 
 /// A volume from a predicate on voxel indices.

@@ -5,6 +5,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
+use medialrep::cancel::Cancel;
 use medialrep::formats::{InputLimits, nifti_write};
 use medialrep::jobs::process::{ProcessError, process};
 use medialrep::model::Stage;
@@ -38,7 +39,7 @@ struct Heard {
     /// Looks so far, and the look at which the run is told to stop.
     looks: usize,
     stop_at: Option<usize>,
-    /// Looks between two reports, with the report before them; reading comes before all.
+    /// Looks in a stage and after it, until the next begins; reading comes before all.
     phases: Vec<(Option<(Stage, bool)>, usize)>,
     is_stopped: bool,
     said_after: Vec<(Stage, f64)>,
@@ -58,9 +59,14 @@ impl Observer for Counting {
         if heard.is_stopped {
             heard.said_after.push((stage, fraction));
         }
-        heard.phases.push((Some((stage, fraction == 1.0)), 0));
+        let phase = Some((stage, fraction == 1.0));
+        if heard.phases.last().is_none_or(|(last, _)| *last != phase) {
+            heard.phases.push((phase, 0));
+        }
     }
+}
 
+impl Cancel for Counting {
     fn is_cancelled(&self) -> bool {
         let mut heard = self.0.lock().unwrap();
         heard.looks += 1;
@@ -105,7 +111,9 @@ impl Observer for Told {
     fn progress(&self, _: usize, _: usize, stage: Stage, _: f64) {
         *self.stage.lock().unwrap() = Some(stage);
     }
+}
 
+impl Cancel for Told {
     fn is_cancelled(&self) -> bool {
         self.stop.load(Relaxed)
     }

@@ -2,10 +2,11 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use medialrep::cancel::{Cancel, Cancelled};
 use medialrep::model::LatticeSize;
 use medialrep::model::Stage;
 use medialrep::params::{GridChoice, Landmarks, LatticeKind, Neighbors, Params, ParamsError, Prune};
-use medialrep::pipeline::observer::{Cancelled, Observer};
+use medialrep::pipeline::observer::Observer;
 use medialrep::pipeline::{PipelineError, run};
 
 use crate::phantoms::{check_invariants, drift, model_of, painted, params, run_of, volume};
@@ -234,7 +235,9 @@ struct StopsAt {
 
 impl Observer for StopsAt {
     fn progress(&self, _structure: usize, _structures: usize, _stage: Stage, _fraction: f64) {}
+}
 
+impl Cancel for StopsAt {
     fn is_cancelled(&self) -> bool {
         self.looks.fetch_add(1, Ordering::Relaxed) >= self.limit
     }

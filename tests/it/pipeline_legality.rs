@@ -2,19 +2,17 @@
 
 use std::collections::BTreeMap;
 
+use medialrep::cancel::Never;
 use medialrep::model::LatticeSize;
 use medialrep::model::closed;
-use medialrep::model::{PerSurface, Repair, TriangleMesh, ring};
-use medialrep::numerics::cancel::to_the_end;
+use medialrep::model::{TriangleMesh, ring};
 use medialrep::numerics::triangles::{self_intersections, volume};
-use medialrep::pipeline::observer::Silent;
 use medialrep::pipeline::quality::figure_quality;
-use medialrep::pipeline::quality::measures::FlatQuads;
 use medialrep::pipeline::vectors::Nodes;
 use medialrep::pipeline::vectors::legality::{Illegal, Legality, Part, legality};
 use nalgebra::{Point3, Vector3};
 
-use crate::models::{flat_slab, outward};
+use crate::models::{drafted, flat_slab, outward};
 
 const SIZE: LatticeSize = LatticeSize { rows: 4, cols: 5 };
 
@@ -93,8 +91,7 @@ fn a_cell_that_is_turned_over_only_in_its_middle_is_found() {
     assert_eq!((found.folds, found.folded_centres), (0, 1));
     let cell = Illegal { part: Part::UpperCell, i: 0, j: 0, corners: 0, is_centre_bad: true };
     assert_eq!(found.parts[0], cell);
-    let quality =
-        figure_quality(&nodes, &FlatQuads::from(&nodes), PerSurface::default(), Repair::default(), &Silent).unwrap();
+    let quality = figure_quality(&drafted(nodes), &Never).unwrap();
     assert_eq!((quality.folds, quality.folded_cells), (0, vec![(true, 0, 0)]));
 }
 
@@ -172,7 +169,7 @@ fn the_closed_surface_is_watertight_and_faces_outward() {
         // A roof of half the height 1.5 and the width 1 all round the rectangle of 6 × 12.
         let expected = 3.0 * (6.0 * 12.0 + (6.0 + 12.0) + 4.0 / 3.0);
         assert!((volume_of(&mesh) - expected).abs() < 1e-9, "{}", volume_of(&mesh));
-        assert_eq!(self_intersections(&mesh.positions, &mesh.triangles, &to_the_end), Ok(0));
+        assert_eq!(self_intersections(&mesh.positions, &mesh.triangles, &Never), Ok(0));
     }
 }
 
@@ -193,7 +190,7 @@ fn the_closed_surface_stays_watertight_where_the_crest_merges() {
             let mesh = closed((&nodes).into()).unwrap();
             check_watertight(&mesh);
             assert!(volume_of(&mesh) > 0.0);
-            assert_eq!(self_intersections(&mesh.positions, &mesh.triangles, &to_the_end), Ok(0));
+            assert_eq!(self_intersections(&mesh.positions, &mesh.triangles, &Never), Ok(0));
         }
     }
 }
@@ -203,8 +200,7 @@ fn a_figure_with_an_invalid_node_has_no_closed_surface() {
     let mut nodes = flat_slab(SIZE);
     nodes.valid[7] = false;
     assert_eq!(closed((&nodes).into()), None);
-    let quality =
-        figure_quality(&nodes, &FlatQuads::from(&nodes), PerSurface::default(), Repair::default(), &Silent).unwrap();
+    let quality = figure_quality(&drafted(nodes), &Never).unwrap();
     assert_eq!(quality.self_intersections, None);
     let mut nodes = flat_slab(SIZE);
     nodes.crest[1].x = f64::NAN;
@@ -215,8 +211,7 @@ fn a_figure_with_an_invalid_node_has_no_closed_surface() {
 fn a_surface_that_runs_through_itself_is_found() {
     let mut nodes = flat_slab(SIZE);
     nodes.upper[7].z = -4.0;
-    let quality =
-        figure_quality(&nodes, &FlatQuads::from(&nodes), PerSurface::default(), Repair::default(), &Silent).unwrap();
+    let quality = figure_quality(&drafted(nodes), &Never).unwrap();
     assert!(quality.self_intersections.unwrap() > 0);
     // Without any fold: a strip bent round by more than a whole turn runs into its own start,
     // while every cell is the right way out.
@@ -227,8 +222,7 @@ fn a_surface_that_runs_through_itself_is_found() {
             *p = Point3::new(p.x, radius * angle.sin(), radius * angle.cos());
         }
     }
-    let quality =
-        figure_quality(&nodes, &FlatQuads::from(&nodes), PerSurface::default(), Repair::default(), &Silent).unwrap();
+    let quality = figure_quality(&drafted(nodes), &Never).unwrap();
     assert_eq!((quality.folds, quality.folded_centres, quality.folded_wedges.len()), (0, 0, 0));
     assert!(quality.self_intersections.unwrap() > 0);
 }

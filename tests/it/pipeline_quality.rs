@@ -1,26 +1,24 @@
 //! Measures of quality, and how the verdict follows from them.
 
+use medialrep::cancel::Never;
 use medialrep::formats::thickness_json::{self, InputFacts, OuterTimings};
 use medialrep::model::LatticeSize;
 use medialrep::model::node_areas;
 use medialrep::model::{
-    Coverage, DistanceSummary, Distortion, Figure, FigureQuality, MeanAndP95, Model, PerSurface, Repair,
-    StructureQuality, Verdict,
+    Coverage, DistanceSummary, Distortion, Figure, FigureQuality, MeanAndP95, Model, Repair, StructureQuality, Verdict,
 };
 use medialrep::params::Params;
-use medialrep::pipeline::observer::Silent;
+use medialrep::pipeline::draft::Draft;
 use medialrep::pipeline::quality::coverage::SkinSearch;
 use medialrep::pipeline::quality::measures::{FlatQuads, medial_offset};
 use medialrep::pipeline::quality::verdict::judge;
-use medialrep::pipeline::quality::{figure_quality, structure_quality};
-use medialrep::pipeline::solid::depth::{depth, skin};
-use medialrep::pipeline::solid::{label_boxes, solid};
+use medialrep::pipeline::quality::{figure_quality, quality};
 use medialrep::pipeline::vectors::Nodes;
 use nalgebra::{Point2, Point3, Rotation3, Vector3};
 use serde_json::Value;
 
-use crate::models::{flat_slab, model};
-use crate::phantoms::{model_of, painted, params, sample, volume};
+use crate::models::{drafted, flat_slab, model};
+use crate::phantoms::{context, deepened, defaults, model_of, painted, params, sample, volume};
 
 const SIZE: LatticeSize = LatticeSize { rows: 4, cols: 5 };
 
@@ -148,9 +146,7 @@ fn a_sheet_stretched_on_one_half_has_the_logarithms_of_its_shares() {
 fn boxed(shift: f64) -> (StructureQuality, Vec<FigureQuality>, MeanAndP95) {
     let inside = |[i, j, k]: [usize; 3]| (4..28).contains(&i) && (4..34).contains(&j) && (4..16).contains(&k);
     let volume = painted([32, 38, 20], [1.0; 3], |at| u16::from(inside(at)));
-    let solid =
-        solid(&volume, 1, label_boxes(&volume, &Silent).unwrap()[1].unwrap(), None, &mut Vec::new(), &Silent).unwrap();
-    let depth = depth(&solid, skin(&solid, &Silent).unwrap(), &Silent).unwrap();
+    let (solid, depth) = deepened(&volume);
     let middle = depth.skin.iter().map(|s| s.position.coords).sum::<Vector3<f64>>() / depth.skin.len() as f64;
     let mut nodes = flat_slab(SIZE);
     let here = nodes.medial.iter().map(|p| p.coords).sum::<Vector3<f64>>() / nodes.medial.len() as f64;
@@ -161,12 +157,10 @@ fn boxed(shift: f64) -> (StructureQuality, Vec<FigureQuality>, MeanAndP95) {
         }
     }
     nodes.medial.iter_mut().for_each(|p| p.z += shift);
-    let offset = medial_offset(&nodes, &SkinSearch::of(&depth.skin, &Silent).unwrap(), &Silent).unwrap();
-    let mut qualities = vec![
-        figure_quality(&nodes, &FlatQuads::from(&nodes), PerSurface::default(), Repair::default(), &Silent).unwrap(),
-    ];
-    let quality = structure_quality(&solid, &depth, &[nodes], &mut qualities, &Silent).unwrap();
-    (quality, qualities, offset)
+    let offset = medial_offset(&nodes, &SkinSearch::of(&depth.skin, &Never).unwrap(), &Never).unwrap();
+    let params = defaults();
+    let measured = quality(&solid, &depth, &[Some(drafted(nodes))], 0, &context(&params)).unwrap();
+    (measured.structure, measured.figures, offset)
 }
 
 #[test]
@@ -203,14 +197,12 @@ fn each_sheet_of_a_tee_is_measured_against_its_share_of_the_mask() {
 fn an_unrepaired_figure_had_its_folds_before() {
     let mut nodes = flat_slab(SIZE);
     nodes.upper[8].z = -1.0;
-    let quality =
-        figure_quality(&nodes, &FlatQuads::from(&nodes), PerSurface::default(), Repair::default(), &Silent).unwrap();
+    let draft = drafted(nodes);
+    let quality = figure_quality(&draft, &Never).unwrap();
     assert_eq!(quality.repair, Repair { folds_before: quality.folds, ..Repair::default() });
     let repair = Repair { folds_before: 40, moved_nodes: 3, shortened_nodes: 1 };
-    assert_eq!(
-        figure_quality(&nodes, &FlatQuads::from(&nodes), PerSurface::default(), repair, &Silent).unwrap().repair,
-        repair
-    );
+    let repaired = Draft { repair, ..draft };
+    assert_eq!(figure_quality(&repaired, &Never).unwrap().repair, repair);
 }
 
 fn written(model: &Model) -> Value {

@@ -2,30 +2,28 @@
 
 use std::collections::BTreeSet;
 
+use medialrep::cancel::Never;
 use medialrep::model::LatticeSize;
 use medialrep::numerics::topology::{is_simple, neighborhood};
-use medialrep::params::{Landmarks, LatticeKind, Neighbors, Prune};
-use medialrep::pipeline::lattice::outline::Region;
-use medialrep::pipeline::lattice::{SpaceFromPlane, lattice};
+use medialrep::params::{Landmarks, LatticeKind, Neighbors};
+use medialrep::pipeline::lattice::lattice;
+use medialrep::pipeline::lattice::map::SpaceFromPlane;
 use medialrep::pipeline::medial::{MedialSurface, medial_surface};
-use medialrep::pipeline::observer::Silent;
-use medialrep::pipeline::plane::frame::Senses;
 use medialrep::pipeline::plane::isomap::flatten;
+use medialrep::pipeline::plane::region::Region;
 use medialrep::pipeline::sheets::sheets;
 use medialrep::pipeline::sheets::sides::sides;
 use medialrep::pipeline::sheets::surface::Surface;
-use medialrep::pipeline::solid::depth::{Depth, depth, skin};
-use medialrep::pipeline::solid::{Solid, label_boxes, solid};
+use medialrep::pipeline::solid::Solid;
+use medialrep::pipeline::solid::depth::Depth;
 use medialrep::space::{Grid, LabelVolume};
 use nalgebra::{Point3, Rotation3};
 
-use crate::phantoms::{painted, sample, turned, volume};
+use crate::phantoms::{context, deepened, defaults, painted, sample, turned, volume};
 
 fn thinned(volume: &LabelVolume) -> (Solid, Depth, MedialSurface) {
-    let bounds = label_boxes(volume, &Silent).unwrap()[1].expect("label 1 is there");
-    let solid = solid(volume, 1, bounds, None, &mut Vec::new(), &Silent).expect("a solid");
-    let depth = depth(&solid, skin(&solid, &Silent).unwrap(), &Silent).unwrap();
-    let surface = medial_surface(&solid, &depth, &Silent).expect("not cancelled");
+    let (solid, depth) = deepened(volume);
+    let surface = medial_surface(&solid, &depth, &context(&defaults())).expect("not cancelled");
     (solid, depth, surface)
 }
 
@@ -82,12 +80,13 @@ fn medial_points_are_equally_far_from_both_feet() {
 #[test]
 fn sides_lie_on_opposite_sides_and_are_one_piece() {
     let (solid, depth, surface) = thinned(&volume("twisted"));
-    let found = sheets(&surface, &depth, Prune::Auto, None, &Silent).unwrap();
-    let senses = Senses::of(&solid.inside, &solid.world_from_work, &Silent).unwrap();
-    let sides = sides(&depth, &solid.world_from_work, &surface, &found, &senses, &Silent).expect("orientable");
+    let params = defaults();
+    let context = context(&params);
+    let found = sheets(&surface, &solid, &depth, &context).unwrap();
+    let sides = sides(&solid, &depth, &surface, &found, &context).expect("orientable");
     assert_eq!(sides.len(), 1);
     for (side, sign) in [(&sides[0].upper, 1.0), (&sides[0].lower, -1.0)] {
-        assert_eq!(side.surface.largest_piece(&Silent).unwrap().len(), side.surface.positions.len());
+        assert_eq!(side.surface.largest_piece(&Never).unwrap().len(), side.surface.positions.len());
         for (p, &partner) in side.surface.positions.iter().zip(&side.partners) {
             let k = partner as usize;
             let height = (p - sides[0].medial.positions[k]).dot(&sides[0].normals[k]);
@@ -127,7 +126,7 @@ fn hairpin() -> Surface {
 #[test]
 fn no_edge_jumps_across_a_fold() {
     for neighbors in [Neighbors::Auto, Neighbors::Count(30), Neighbors::RadiusMm(4.0)] {
-        let flat = flatten(&hairpin(), neighbors, Landmarks::Auto, 1.0, &Silent).expect("flat");
+        let flat = flatten(&hairpin(), neighbors, Landmarks::Auto, 1.0, &Never).expect("flat");
         let length = (flat.points[62] - flat.points[0]).norm();
         // Edges may cut the corners of the bend, which takes up to 6; a jump would take 50.
         assert!((54.0..64.0).contains(&length), "{neighbors:?}: 62 along the strip, {length:.1} in the plane");
@@ -138,7 +137,7 @@ fn no_edge_jumps_across_a_fold() {
 #[test]
 fn a_flat_sheet_is_laid_flat_with_its_lengths() {
     let sheet = sheet_of(30, 40, |i, j| Point3::new(f64::from(j), f64::from(i), 0.0));
-    let flat = flatten(&sheet, Neighbors::Count(50), Landmarks::All, 1.0, &Silent).expect("flat");
+    let flat = flatten(&sheet, Neighbors::Count(50), Landmarks::All, 1.0, &Never).expect("flat");
     let far = (1..sheet.positions.len()).filter(|&p| (sheet.positions[p] - sheet.positions[0]).norm() > 8.0);
     let errors: Vec<f64> = far
         .map(|p| (flat.points[p] - flat.points[0]).norm() / (sheet.positions[p] - sheet.positions[0]).norm() - 1.0)
@@ -156,7 +155,7 @@ fn degenerate_surfaces_are_typed_outcomes() {
         positions: (0..n).map(|k| Point3::new(f64::from(k), 0.0, 0.0)).collect(),
         adjacency: (0..n).map(|k| (k.saturating_sub(1)..(k + 2).min(n)).filter(|&m| m != k).collect()).collect(),
     };
-    let flat = |surface: &Surface| flatten(surface, Neighbors::Auto, Landmarks::Auto, 1.0, &Silent).err();
+    let flat = |surface: &Surface| flatten(surface, Neighbors::Auto, Landmarks::Auto, 1.0, &Never).err();
     assert_eq!(flat(&line(3)), Some(IsomapError::TooFewPoints { points: 3 }));
     assert_eq!(flat(&line(40)), Some(IsomapError::NoPlane));
 }
@@ -171,7 +170,7 @@ fn crescent() -> Vec<nalgebra::Point2<f64>> {
 #[test]
 fn a_lattice_stays_inside_a_crescent_and_does_not_fold() {
     let size = LatticeSize { rows: 8, cols: 20 };
-    let found = lattice(&Region::of(&crescent(), &Silent).unwrap(), LatticeKind::Fitted, size, 0.05, 0.0, &Silent)
+    let found = lattice(&Region::of(&crescent(), &Never).unwrap(), LatticeKind::Fitted, size, 0.05, 0.0, &Never)
         .unwrap()
         .expect("a region");
     assert!(found.valid.iter().all(|v| *v), "a node lies in the hollow");

@@ -1,14 +1,13 @@
 //! Tails: strips of a sheet that are a few voxels wide at most.
 
-use medialrep::pipeline::observer::Silent;
+use medialrep::cancel::Never;
 use medialrep::pipeline::plane::strip::{unfolded, widened};
 use medialrep::pipeline::sheets::sides::SheetSides;
 use medialrep::pipeline::sheets::surface::Surface;
-use medialrep::pipeline::solid::depth::{Depth, depth, skin};
-use medialrep::pipeline::solid::{label_boxes, solid};
+use medialrep::pipeline::solid::depth::Depth;
 use nalgebra::{Point2, Point3, Vector3};
 
-use crate::phantoms::{model_of, painted, params, turned};
+use crate::phantoms::{deepened, model_of, painted, params, turned};
 
 /// A disc of points with a tail of `rows` rows to its right, flat in the plane and oblique in
 /// space; `hand` −1 mirrors the plane.
@@ -33,9 +32,7 @@ fn in_space(p: Point2<f64>, hand: f64) -> Point3<f64> {
 /// A block that all of it lies deep inside of.
 fn block() -> Depth {
     let volume = painted([62; 3], [1.0; 3], |index| u16::from(index.iter().all(|x| (1..61).contains(x))));
-    let bounds = label_boxes(&volume, &Silent).unwrap()[1].expect("label 1 is there");
-    let solid = solid(&volume, 1, bounds, None, &mut Vec::new(), &Silent).expect("a solid");
-    depth(&solid, skin(&solid, &Silent).unwrap(), &Silent).unwrap()
+    deepened(&volume).1
 }
 
 #[test]
@@ -43,7 +40,7 @@ fn a_strand_gets_points_on_both_sides_with_the_sheets_handedness() {
     let depth = block();
     for hand in [1.0, -1.0] {
         let (sheet, flat) = tailed(1, hand);
-        let points = widened(&sheet, &flat, &depth, &Silent).unwrap();
+        let points = widened(&sheet, &flat, &depth, &Never).unwrap();
         let own = flat.len();
         assert_eq!((&points.flat[..own], &points.positions[..own]), (&flat[..], &sheet.medial.positions[..]));
         for aside in [-1.0, 1.0] {
@@ -63,14 +60,14 @@ fn points_outside_of_the_object_are_not_added() {
     let (mut sheet, flat) = tailed(1, 1.0);
     // Balls this large do not fit into the block.
     sheet.radii.fill(70.0);
-    assert_eq!(widened(&sheet, &flat, &block(), &Silent).unwrap().flat.len(), flat.len());
+    assert_eq!(widened(&sheet, &flat, &block(), &Never).unwrap().flat.len(), flat.len());
 }
 
 #[test]
 fn filaments_are_left_as_they_are() {
     let (mut sheet, flat) = tailed(1, 1.0);
     flat.iter().zip(&mut sheet.radii).filter(|(p, _)| p.x > 8.0).for_each(|(_, r)| *r = 0.5);
-    assert_eq!(widened(&sheet, &flat, &block(), &Silent).unwrap().flat.len(), flat.len());
+    assert_eq!(widened(&sheet, &flat, &block(), &Never).unwrap().flat.len(), flat.len());
 }
 
 #[test]
@@ -79,7 +76,7 @@ fn a_strip_that_was_laid_on_a_line_gets_its_width_back() {
         let (sheet, flat) = tailed(rows, hand);
         let laid = |p: &Point2<f64>| Point2::new(p.x, p.y * (1.0 - (p.x - 10.0) / 4.0).clamp(0.0, 1.0));
         let squeezed: Vec<Point2<f64>> = flat.iter().map(|p| if p.x > 8.0 { laid(p) } else { *p }).collect();
-        let back = unfolded(&sheet, &squeezed, &Silent).unwrap();
+        let back = unfolded(&sheet, &squeezed, &Never).unwrap();
         for (found, p) in back.iter().zip(&flat) {
             let (gap, tail) = ((found - p).norm(), p.x > 14.0);
             assert!(gap < if tail { 0.05 } else { 0.6 }, "{rows} rows, ({}, {}): {gap:.2}", p.x, p.y);
@@ -90,8 +87,8 @@ fn a_strip_that_was_laid_on_a_line_gets_its_width_back() {
 #[test]
 fn a_wide_sheet_is_left_as_it_is() {
     let (sheet, flat) = tailed(9, 1.0);
-    assert_eq!(unfolded(&sheet, &flat, &Silent).unwrap(), flat);
-    assert_eq!(widened(&sheet, &flat, &block(), &Silent).unwrap().flat, flat);
+    assert_eq!(unfolded(&sheet, &flat, &Never).unwrap(), flat);
+    assert_eq!(widened(&sheet, &flat, &block(), &Never).unwrap().flat, flat);
 }
 
 #[test]

@@ -3,10 +3,11 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use medialrep::cancel::{Cancel, Cancelled};
 use medialrep::model::Figure;
 use medialrep::model::Stage;
 use medialrep::params::{GridChoice, Params};
-use medialrep::pipeline::observer::{Cancelled, Observer};
+use medialrep::pipeline::observer::Observer;
 use medialrep::pipeline::{PipelineError, run};
 use medialrep::space::{Grid, LabelVolume, WorldFromVoxel, WorldPoint};
 use nalgebra::{Point3, Rotation3};
@@ -134,6 +135,8 @@ fn voxels_three_times_as_long_leave_more_open() {
 #[derive(Default)]
 struct Heard(Mutex<Vec<(usize, usize)>>);
 
+impl Cancel for Heard {}
+
 impl Observer for Heard {
     fn progress(&self, _structure: usize, _structures: usize, _stage: Stage, _fraction: f64) {}
 
@@ -162,7 +165,9 @@ impl Observer for StopsInRepeats {
             self.is_done.store(1, Ordering::Relaxed);
         }
     }
+}
 
+impl Cancel for StopsInRepeats {
     fn is_cancelled(&self) -> bool {
         self.is_done.load(Ordering::Relaxed) > 0
     }

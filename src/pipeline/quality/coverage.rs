@@ -3,12 +3,12 @@
 
 use std::ops::Range;
 
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;
 
 use crate::numerics::balls::Balls;
 use crate::numerics::field::floor_index;
+use crate::numerics::points::Points;
 use crate::space::Grid;
 
 use crate::cancel::{Cancel, Cancelled};
@@ -80,7 +80,7 @@ fn grain(figures: &[&Nodes]) -> f64 {
 /// A surface given by points with normals, to be found by distance.
 pub struct SkinSearch<'a> {
     points: &'a [SkinPoint],
-    tree: Option<ImmutableKdTree<f64, 3>>,
+    tree: Points,
 }
 
 impl<'a> SkinSearch<'a> {
@@ -89,30 +89,24 @@ impl<'a> SkinSearch<'a> {
     /// # Errors
     /// When it is cancelled.
     pub fn of(points: &'a [SkinPoint], cancel: &dyn Cancel) -> Result<Self, Cancelled> {
-        let rows: Vec<[f64; 3]> = points.iter().map(|s| [s.position.x, s.position.y, s.position.z]).collect();
         cancel.check()?;
-        let tree = if rows.is_empty() { None } else { ImmutableKdTree::new_from_slice(&rows).ok() };
-        Ok(Self { points, tree })
+        let places: Vec<Point3<f64>> = points.iter().map(|s| s.position).collect();
+        Ok(Self { points, tree: Points::new(&places) })
     }
 
     /// Distance from each of `from` to the surface around the nearest point; infinite when there is none.
     fn distances(&self, from: &[SkinPoint], cancel: &dyn Cancel) -> Result<Vec<f64>, Cancelled> {
-        let Some(tree) = &self.tree else { return Ok(vec![f64::INFINITY; from.len()]) };
-        let nearest =
-            |p: Point3<f64>| tree.query(&[p.x, p.y, p.z]).nearest_one::<SquaredEuclidean<f64>>().execute().item;
         let distance = |s: &SkinPoint| {
             cancel.check()?;
-            Ok(self.points[nearest(s.position) as usize].distance(s.position))
+            let nearest = self.tree.nearest(s.position);
+            Ok(nearest.map_or(f64::INFINITY, |nearest| self.points[nearest].distance(s.position)))
         };
         from.par_iter().with_min_len(64).map(distance).collect()
     }
 
     /// The points within `reach` of a place.
     pub fn within(&self, p: Point3<f64>, reach: f64) -> impl Iterator<Item = &SkinPoint> {
-        let query = |tree: &ImmutableKdTree<f64, 3>| {
-            tree.query(&[p.x, p.y, p.z]).within::<SquaredEuclidean<f64>>(reach * reach).unsorted().execute()
-        };
-        self.tree.as_ref().map(query).into_iter().flatten().map(|found| &self.points[found.item as usize])
+        self.tree.within(p, reach).into_iter().map(|found| &self.points[found])
     }
 }
 

@@ -63,8 +63,11 @@ pub fn quality(
 }
 
 /// What can be said of a figure by itself: legality of its parts, evenness of its lattice. How
-/// it fits the mask is added by [`structure_quality`].
-fn figure_quality(draft: &Draft, cancel: &dyn Cancel) -> Result<FigureQuality, Cancelled> {
+/// it fits the mask is added by [`quality`].
+///
+/// # Errors
+/// When it is cancelled.
+pub fn figure_quality(draft: &Draft, cancel: &dyn Cancel) -> Result<FigureQuality, Cancelled> {
     let Draft { nodes, flat, repair, .. } = draft;
     let (quads, repair) = (FlatQuads::from(nodes), *repair);
     let residual_variance = flat.map(|flat| flat.residual_variance);

@@ -1,0 +1,116 @@
+//! Lines of straight pieces, measured by their length.
+
+use nalgebra::SVector;
+
+/// Points joined by straight pieces, and the length up to each.
+#[derive(Clone, Debug)]
+pub struct Polyline<const D: usize> {
+    points: Vec<SVector<f64, D>>,
+    /// Length from the first point on; one per point.
+    reached: Vec<f64>,
+}
+
+impl<const D: usize> Polyline<D> {
+    /// From one point to the next. There must be two at the least.
+    #[must_use]
+    pub fn open(points: Vec<SVector<f64, D>>) -> Self {
+        Self::measured(points, |from, to| (to - from).norm())
+    }
+
+    /// The same, and from the last point back to the first.
+    #[must_use]
+    pub fn closed(mut points: Vec<SVector<f64, D>>) -> Self {
+        points.extend(points.first().copied());
+        Self::open(points)
+    }
+
+    /// With another length of the pieces.
+    #[must_use]
+    pub fn measured(points: Vec<SVector<f64, D>>, length: impl Fn(SVector<f64, D>, SVector<f64, D>) -> f64) -> Self {
+        let mut reached = vec![0.0];
+        for pair in points.windows(2) {
+            reached.push(reached[reached.len() - 1] + length(pair[0], pair[1]));
+        }
+        Self { points, reached }
+    }
+
+    /// Length of the whole.
+    #[must_use]
+    pub fn length(&self) -> f64 {
+        self.reached[self.reached.len() - 1]
+    }
+
+    /// Length up to a point.
+    #[must_use]
+    pub fn reached(&self, point: usize) -> f64 {
+        self.reached[point]
+    }
+
+    /// Length at a share of the piece that begins at a point.
+    #[must_use]
+    pub fn length_at(&self, (piece, share): (usize, f64)) -> f64 {
+        self.reached[piece] + (self.reached[piece + 1] - self.reached[piece]) * share
+    }
+
+    /// The piece at a length, and the share of it.
+    #[must_use]
+    pub fn place(&self, length: f64) -> (usize, f64) {
+        let piece = self.reached.partition_point(|l| *l <= length).clamp(1, self.reached.len() - 1) - 1;
+        (piece, (length - self.reached[piece]) / self.piece_length(piece))
+    }
+
+    /// The point at a share of a piece.
+    #[must_use]
+    pub fn point(&self, (piece, share): (usize, f64)) -> SVector<f64, D> {
+        self.points[piece] + (self.points[piece + 1] - self.points[piece]) * share
+    }
+
+    /// `count` points at equal lengths, `steps` of which make the whole: one less than `count` to have both ends, `count`
+    /// for a closed line, whose ends are one.
+    #[must_use]
+    pub fn evenly(&self, count: usize, steps: usize) -> Vec<SVector<f64, D>> {
+        let mut points = Vec::with_capacity(count);
+        let mut piece = 0;
+        for n in 0..count {
+            let wanted = self.length() * n as f64 / steps as f64;
+            while piece + 2 < self.points.len() && self.reached[piece + 1] < wanted {
+                piece += 1;
+            }
+            let share = (wanted - self.reached[piece]) / self.piece_length(piece);
+            points.push(self.point((piece, share.clamp(0.0, 1.0))));
+        }
+        points
+    }
+
+    /// Pieces between two points in one place have a length, so that shares of them are numbers.
+    fn piece_length(&self, piece: usize) -> f64 {
+        (self.reached[piece + 1] - self.reached[piece]).max(1e-12)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector2;
+
+    use super::*;
+
+    #[test]
+    fn points_of_a_square_lie_at_equal_lengths() {
+        let corners = [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)].map(|(x, y)| Vector2::new(x, y));
+        let closed = Polyline::closed(corners.to_vec());
+        assert_eq!(closed.length(), 8.0);
+        assert_eq!(closed.evenly(4, 4), corners);
+        assert_eq!(closed.evenly(8, 8)[7], Vector2::new(0.0, 1.0));
+        let open = Polyline::open(corners.to_vec());
+        assert_eq!(open.evenly(4, 3), corners);
+        assert_eq!(open.place(3.0), (1, 0.5));
+        assert_eq!(open.length_at((1, 0.5)), 3.0);
+        assert_eq!(open.point((1, 0.5)), Vector2::new(2.0, 1.0));
+    }
+
+    #[test]
+    fn two_points_in_one_place_do_no_harm() {
+        let point = Vector2::new(1.0, 2.0);
+        assert_eq!(Polyline::open(vec![point, point]).evenly(3, 2), [point; 3]);
+    }
+}
