@@ -6,7 +6,7 @@ use std::thread::available_parallelism;
 use std::time::Duration;
 
 use crate::jobs::process::InputLimits;
-use crate::jobs::queue::{JobLimits, Retention};
+use crate::jobs::service::{JobLimits, Retention};
 use crate::jobs::store::QueueLimits;
 use crate::jobs::upload::UploadLimits;
 use crate::webhook::WebhookConfig;

@@ -15,7 +15,7 @@ use http_body_util::BodyExt;
 use medialrep::config::ServeConfig;
 use medialrep::formats::InputLimits;
 use medialrep::http::auth::Access;
-use medialrep::jobs::queue::Jobs;
+use medialrep::jobs::service::Jobs;
 use medialrep::problem::Problem;
 use serde_json::Value;
 use tempfile::TempDir;

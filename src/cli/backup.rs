@@ -6,9 +6,9 @@ use std::process::ExitCode;
 
 use anyhow::{Context, ensure};
 
-use crate::jobs::blobs::Blobs;
 use crate::jobs::make_private;
-use crate::jobs::sqlite::SqliteStore;
+use crate::jobs::store::blobs::Blobs;
+use crate::jobs::store::sqlite::SqliteStore;
 use crate::jobs::store::{JobStore, RetentionStore};
 use crate::jobs::{audit_path, job::Job};
 

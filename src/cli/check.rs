@@ -10,9 +10,9 @@ use super::serve::ServeArgs;
 use crate::audit;
 use crate::config::ServeConfig;
 use crate::jobs::audit_path;
-use crate::jobs::blobs::{Blobs, free_bytes};
 use crate::jobs::job::{Job, JobState};
-use crate::jobs::sqlite::SqliteStore;
+use crate::jobs::store::blobs::{Blobs, free_bytes};
+use crate::jobs::store::sqlite::SqliteStore;
 use crate::jobs::store::{JobStore, RetentionStore, TokenStore};
 
 /// Arguments of `medialrep check`: those of `serve`, which are checked too.

@@ -19,7 +19,7 @@ use super::exit;
 use crate::config::{ConnectionLimits, ServeConfig, default_workers};
 use crate::http::server;
 use crate::jobs::process::{InputLimits, process};
-use crate::jobs::queue::{JobLimits, Retention};
+use crate::jobs::service::{JobLimits, Retention};
 use crate::jobs::store::QueueLimits;
 use crate::jobs::upload::UploadLimits;
 use crate::jobs::worker::Processor;

@@ -10,9 +10,9 @@ use jiff::Timestamp;
 
 use super::{complain, exit};
 use crate::audit::{Action, Audit, Entry};
-use crate::jobs::blobs::Blobs;
-use crate::jobs::sqlite::SqliteStore;
 use crate::jobs::store::TokenStore;
+use crate::jobs::store::blobs::Blobs;
+use crate::jobs::store::sqlite::SqliteStore;
 use crate::jobs::token::{Scope, StoredToken, Token, check_tenant};
 use crate::jobs::{audit_path, make_private};
 

@@ -19,7 +19,7 @@ use super::extract::header;
 use super::trace::TraceId;
 use crate::audit::Action;
 use crate::jobs::caller::{Caller, OpenRequest};
-use crate::jobs::queue::{Jobs, JobsError};
+use crate::jobs::service::{Jobs, JobsError};
 use crate::jobs::token::{Scope, Token};
 use crate::problem::Problem;
 

@@ -11,7 +11,7 @@ use axum::response::IntoResponse;
 use super::trace;
 use crate::formats::params_json::ParamsJsonError;
 use crate::jobs::job::JobState;
-use crate::jobs::queue::JobsError;
+use crate::jobs::service::JobsError;
 use crate::jobs::store::StoreError;
 use crate::jobs::upload::UploadError;
 use crate::problem::Problem;

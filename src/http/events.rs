@@ -20,7 +20,7 @@ use super::extract::JobPath;
 use super::view::ProgressView;
 use crate::jobs::changes::{Happened, RECHECK};
 use crate::jobs::job::{JobId, JobState};
-use crate::jobs::queue::{JobStatus, Jobs, JobsError};
+use crate::jobs::service::{JobStatus, Jobs, JobsError};
 use crate::problem::Problem;
 
 /// Shortest time between two events of progress.

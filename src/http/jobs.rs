@@ -21,7 +21,7 @@ use super::submit;
 use super::view::{JobList, JobView};
 use crate::formats::hex;
 use crate::jobs::job::{JobId, JobState};
-use crate::jobs::queue::Jobs;
+use crate::jobs::service::Jobs;
 use crate::jobs::store::ListQuery;
 use crate::problem::Problem;
 

@@ -22,7 +22,7 @@ use utoipa_axum::routes;
 
 use self::auth::Access;
 use self::web::Page;
-use crate::jobs::queue::Jobs;
+use crate::jobs::service::Jobs;
 
 pub mod server;
 

@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::auth::{Allowed, TokenProblems, TooManyRequests, Watch};
 use super::error::{ApiError, PROBLEM_JSON};
-use crate::jobs::queue::Jobs;
+use crate::jobs::service::Jobs;
 use crate::problem::Problem;
 
 /// What is where.

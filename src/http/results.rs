@@ -17,9 +17,9 @@ use super::error::{ApiError, PROBLEM_JSON};
 use super::extract::{JobPath, ResultPath, header};
 use super::params_schema::BytesSchema;
 use crate::audit::Action;
-use crate::jobs::blobs::Content;
 use crate::jobs::process::ARTIFACTS;
-use crate::jobs::queue::{Jobs, JobsError, Published};
+use crate::jobs::service::{Jobs, JobsError, Published};
+use crate::jobs::store::blobs::Content;
 use crate::problem::Problem;
 
 /// A file that the job left.

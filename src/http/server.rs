@@ -17,7 +17,7 @@ use tokio::time::{sleep, timeout};
 use super::auth::Access;
 use super::router;
 use crate::config::{ConnectionLimits, ServeConfig};
-use crate::jobs::queue::{Jobs, OpenError};
+use crate::jobs::service::{Jobs, OpenError};
 use crate::jobs::worker::{Processor, Workers};
 use crate::webhook::{Sender, SenderError};
 

@@ -23,7 +23,7 @@ use super::params_schema::SubmitQuery;
 use crate::formats::params_json::MAX_BYTES as MAX_TEXT_BYTES;
 use crate::jobs::caller::Caller;
 use crate::jobs::job::RequestedParams;
-use crate::jobs::queue::Jobs;
+use crate::jobs::service::Jobs;
 use crate::jobs::submission::Submission;
 use crate::jobs::token::{MAX_NAME, is_name};
 use crate::jobs::upload::{self, Received, UploadError};

@@ -6,9 +6,8 @@ use std::time::Duration;
 use jiff::Timestamp;
 use tokio::time::{Interval, MissedTickBehavior, interval};
 
-use super::queue::{Jobs, OpenError};
-use super::store::{Reclaim, StoreError};
-use super::worker::LEASE;
+use super::service::{Jobs, OpenError};
+use super::store::{LEASE, Reclaim, StoreError};
 
 /// How often leases are extended.
 const HEARTBEAT: Duration = Duration::from_secs(10);

@@ -29,19 +29,13 @@ pub mod token;
 
 pub mod store;
 
-pub mod sqlite;
-
-pub mod blobs;
-
-pub mod instance;
-
 pub mod upload;
 
 pub mod changes;
 
 pub mod running;
 
-pub mod queue;
+pub mod service;
 
 pub mod submission;
 

@@ -8,7 +8,7 @@ use tokio::time::{Instant, MissedTickBehavior, interval};
 
 use super::caller::Caller;
 use super::job::JobId;
-use super::queue::{Jobs, JobsError};
+use super::service::{Jobs, JobsError};
 use crate::audit::Action;
 
 /// How often it is looked what is due.

@@ -11,7 +11,7 @@ use uuid::Uuid;
 use super::caller::Caller;
 use super::expected::expected;
 use super::job::{Job, JobId, MaskInfo, RequestedParams};
-use super::queue::{JobStatus, Jobs, JobsError};
+use super::service::{JobStatus, Jobs, JobsError};
 use super::store::{Inserted, NewJob, Reused};
 use super::upload::{Received, preflight};
 use crate::audit::Action;

@@ -13,9 +13,9 @@ use tempfile::TempPath;
 use tokio::io::AsyncWriteExt;
 use tokio::time::{Instant, timeout, timeout_at};
 
-use super::blobs::Blobs;
 use super::job::MaskInfo;
 use super::process::InputLimits;
+use super::store::blobs::Blobs;
 use crate::formats::nifti::{HeaderFacts, MAGIC_BYTES, check_header, check_magic};
 use crate::formats::{ReadError, hex};
 use crate::problem::Problem;

@@ -8,19 +8,19 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use futures_util::FutureExt;
-use jiff::{SignedDuration, Timestamp};
+use jiff::Timestamp;
 use tokio::task::{JoinHandle, JoinSet, spawn_blocking};
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 use tokio_util::sync::CancellationToken;
 use tracing::{Instrument, info_span};
 
-use super::blobs::LocalMask;
 use super::caller::Caller;
 use super::job::{Job, JobWarning, RequestedParams, ResultFile};
 use super::process::{Artifact, InputLimits, ProcessError, Processed, sha256_of_file};
-use super::queue::{Jobs, JobsError};
 use super::running::Running;
-use super::store::{Claim, Outcome, StoreError};
+use super::service::{Jobs, JobsError};
+use super::store::blobs::LocalMask;
+use super::store::{Claim, LEASE, Outcome, StoreError};
 use super::submission::PROGRAM;
 use super::{beat, callbacks, retention};
 use crate::audit::Action;
@@ -28,8 +28,6 @@ use crate::pipeline::observer::{Observer, Warning};
 use crate::pipeline::params::CheckedParams;
 use crate::problem::Problem;
 
-/// How long a silent worker keeps its job. Three heartbeats, so that one may be lost.
-pub(super) const LEASE: SignedDuration = SignedDuration::from_secs(30);
 /// How often an idle worker looks for jobs though nobody woke it: another process may have taken
 /// them in.
 const IDLE_POLL: Duration = Duration::from_secs(1);

@@ -126,7 +126,7 @@ fn codes() -> Vec<String> {
         let body = text.split("fn code(&self)").nth(1).unwrap().split("\n    }\n").next().unwrap().to_owned();
         codes.extend(body.split('"').skip(1).step_by(2).map(str::to_owned));
     }
-    for folder in ["src", "src/http", "src/jobs", "src/jobs/sqlite", "src/formats"] {
+    for folder in ["src", "src/http", "src/jobs", "src/jobs/store/sqlite", "src/formats"] {
         for entry in std::fs::read_dir(format!("{}/{folder}", env!("CARGO_MANIFEST_DIR"))).unwrap() {
             let path = entry.unwrap().path();
             let text = if path.is_file() { std::fs::read_to_string(path).unwrap() } else { String::new() };

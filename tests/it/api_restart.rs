@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use jiff::{SignedDuration, Timestamp};
 use medialrep::jobs::caller::Caller;
 use medialrep::jobs::job::{JobId, JobState};
-use medialrep::jobs::queue::Jobs;
+use medialrep::jobs::service::Jobs;
 use medialrep::jobs::store::{Outcome, Reclaim};
 use medialrep::jobs::worker::{Processor, Workers};
 use medialrep::problem::Problem;

@@ -8,7 +8,7 @@ use jiff::{SignedDuration, Timestamp};
 use medialrep::jobs::job::{
     CallbackState, CallbackTry, Job, JobId, JobState, JobWarning, MaskInfo, RequestedParams, ResultFile,
 };
-use medialrep::jobs::sqlite::SqliteStore;
+use medialrep::jobs::store::sqlite::SqliteStore;
 use medialrep::jobs::store::{
     CallbackNext, CancelAnswer, Held, Inserted, Lease, ListQuery, MAX_ATTEMPTS, NewJob, Outcome, QueueLimits, Reclaim,
     RetryAnswer, Reused, Store, StoreError,

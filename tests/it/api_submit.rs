@@ -65,8 +65,8 @@ async fn what_was_accepted_is_on_disk() {
     let job = server.submit().await;
     assert_eq!(std::fs::read(server.mask_of(&job)).unwrap(), mask());
     // Opened anew as another process would, without closing the first.
-    let path = medialrep::jobs::blobs::Blobs::database_path(server.dir.path());
-    let store = medialrep::jobs::sqlite::SqliteStore::open(&path).await.unwrap();
+    let path = medialrep::jobs::store::blobs::Blobs::database_path(server.dir.path());
+    let store = medialrep::jobs::store::sqlite::SqliteStore::open(&path).await.unwrap();
     let kept = medialrep::jobs::store::RetentionStore::kept_files(&store).await.unwrap();
     assert_eq!(kept[0].id.to_string(), id_of(&job));
 }

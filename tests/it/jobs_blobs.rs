@@ -4,9 +4,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use futures_util::TryStreamExt;
-use medialrep::jobs::blobs::{Blobs, Content, LocalMask};
 use medialrep::jobs::job::{JobId, ResultFile};
 use medialrep::jobs::store::KeptFiles;
+use medialrep::jobs::store::blobs::{Blobs, Content, LocalMask};
 use object_store::memory::InMemory;
 use sha2::{Digest, Sha256};
 use tempfile::TempDir;

@@ -9,10 +9,10 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use medialrep::jobs::blobs::Blobs;
 use medialrep::jobs::job::{Job, JobId};
-use medialrep::jobs::sqlite::SqliteStore;
 use medialrep::jobs::store::JobStore;
+use medialrep::jobs::store::blobs::Blobs;
+use medialrep::jobs::store::sqlite::SqliteStore;
 use serde_json::Value;
 use tempfile::TempDir;
 

@@ -14,7 +14,7 @@ use medialrep::http::auth::Access;
 use medialrep::http::web::{Page, PageFile};
 use medialrep::http::{router, router_with_page};
 use medialrep::jobs::process::{Artifact, ProcessError, Processed};
-use medialrep::jobs::queue::{JobLimits, Jobs};
+use medialrep::jobs::service::{JobLimits, Jobs};
 use medialrep::jobs::worker::{Processor, Workers};
 use medialrep::pipeline::observer::{Stage, Warning};
 use medialrep::problem::Problem;

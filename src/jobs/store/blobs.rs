@@ -29,10 +29,10 @@ use tempfile::{NamedTempFile, TempPath};
 use tokio::io::{AsyncWriteExt, BufReader};
 use tokio::task::spawn_blocking;
 
-use super::job::{Job, JobId, ResultFile};
-use super::process::sha256_of_file;
-use super::store::KeptFiles;
+use super::KeptFiles;
 use crate::formats::hex;
+use crate::jobs::job::{Job, JobId, ResultFile};
+use crate::jobs::process::sha256_of_file;
 
 const SCRATCH: &str = "scratch";
 const MASKS: &str = "masks";
@@ -87,7 +87,7 @@ impl Blobs {
     pub fn open(root: &Path, instance: &str) -> io::Result<Self> {
         let scratch = root.join(SCRATCH).join(instance);
         for folder in [root, &root.join(DATABASE), &scratch] {
-            super::make_private(folder)?;
+            crate::jobs::make_private(folder)?;
         }
         Ok(Self { scratch, ..Self::beside(root)? })
     }
@@ -156,7 +156,7 @@ impl Blobs {
     /// When it cannot be made.
     pub fn begin_attempt(&self, token: &str) -> io::Result<PathBuf> {
         let folder = self.scratch.join(token);
-        super::make_private(&folder)?;
+        crate::jobs::make_private(&folder)?;
         Ok(folder)
     }
 

@@ -13,14 +13,14 @@ use tokio::task::{JoinError, spawn_blocking};
 use tokio::time::{Instant, timeout, timeout_at};
 use tokio_util::sync::CancellationToken;
 
-use super::blobs::Blobs;
 use super::caller::{Caller, OpenRequest, OpenRequests};
 use super::changes::{Changes, RECHECK};
-use super::instance::Instance;
 use super::job::{Job, JobId, JobState, ResultFile};
 use super::process::InputLimits;
 use super::running::{Progress, Running};
-use super::sqlite::SqliteStore;
+use super::store::blobs::Blobs;
+use super::store::liveness::Instance;
+use super::store::sqlite::SqliteStore;
 use super::store::{CancelAnswer, Lease, ListQuery, QueueLimits, Reclaim, RetryAnswer, Store, StoreError};
 use super::upload::UploadLimits;
 use crate::audit::{Action, Audit, Entry};

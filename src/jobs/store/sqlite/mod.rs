@@ -30,7 +30,7 @@ use sqlx::sqlite::{
 };
 use sqlx::{Row, SqlSafeStr, Sqlite, Transaction};
 
-use super::store::{Store, StoreError};
+use super::{Store, StoreError};
 
 /// Status polls are short reads; a few connections serve thousands a second.
 const READ_CONNECTIONS: u32 = 4;
@@ -109,9 +109,9 @@ fn migrator() -> Migrator {
         Migration::new(version, name.into(), MigrationType::Simple, sql.into_sql_str(), false)
     };
     Migrator::with_migrations(vec![
-        migration(1, "jobs", include_str!("../../../migrations/sqlite/0001_jobs.sql")),
-        migration(2, "turns", include_str!("../../../migrations/sqlite/0002_turns.sql")),
-        migration(3, "service", include_str!("../../../migrations/sqlite/0003_service.sql")),
+        migration(1, "jobs", include_str!("../../../../migrations/sqlite/0001_jobs.sql")),
+        migration(2, "turns", include_str!("../../../../migrations/sqlite/0002_turns.sql")),
+        migration(3, "service", include_str!("../../../../migrations/sqlite/0003_service.sql")),
     ])
 }
 

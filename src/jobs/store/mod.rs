@@ -3,14 +3,20 @@
 //! implementation can be read in parts too. What every implementation promises is tested in one
 //! place, whatever database is behind it.
 
+pub mod sqlite;
+
+pub mod blobs;
+
+pub mod liveness;
+
 use std::collections::BTreeMap;
 use std::time::Duration;
 
 use async_trait::async_trait;
-use jiff::Timestamp;
+use jiff::{SignedDuration, Timestamp};
 
-use super::job::{CallbackTry, Job, JobId, JobState, JobWarning, MaskInfo, ResultFile};
-use super::token::StoredToken;
+use crate::jobs::job::{CallbackTry, Job, JobId, JobState, JobWarning, MaskInfo, ResultFile};
+use crate::jobs::token::StoredToken;
 use crate::problem::Problem;
 
 /// Runs of one job before it is given up. A job that takes its server down with it would
@@ -161,6 +167,9 @@ pub struct Lease {
     /// Unique for every claim.
     pub token: String,
 }
+
+/// How long a silent worker keeps its job. Three heartbeats, so that one may be lost.
+pub const LEASE: SignedDuration = SignedDuration::from_secs(30);
 
 /// A job that was given to a worker.
 #[derive(Clone, Debug)]

@@ -26,7 +26,7 @@ impl Instance {
     /// When the folder cannot be written to.
     pub fn begin(data_dir: &Path) -> io::Result<Self> {
         let folder = data_dir.join(INSTANCES);
-        super::make_private(&folder)?;
+        crate::jobs::make_private(&folder)?;
         let id = Uuid::now_v7().hyphenated().to_string();
         // Locked before it has its name, so that nobody finds it without its lock.
         let draft = folder.join(format!(".{id}"));
