@@ -21,6 +21,8 @@ pub mod process;
 
 pub mod job;
 
+pub mod moves;
+
 pub mod expected;
 
 pub mod caller;

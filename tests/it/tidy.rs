@@ -62,6 +62,12 @@ fn geometry_knows_no_files_no_network_and_no_clock_of_the_service() {
     check_never(&["src/pipeline", "src/numerics", "src/space"], &names);
 }
 
+/// What moves a job writes its history and its end too.
+#[test]
+fn no_statement_moves_a_job_past_the_table_of_moves() {
+    check_never(&["src/jobs/store/sqlite"], &["SET state", ", state =", "history =", "ended_at_ms ="]);
+}
+
 #[test]
 fn lower_layers_do_not_name_higher_ones() {
     check_never(&["src/space"], &["crate::numerics", "crate::pipeline"]);

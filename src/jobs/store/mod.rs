@@ -3,6 +3,8 @@
 //! implementation can be read in parts too. What every implementation promises is tested in one
 //! place, whatever database is behind it.
 
+mod sql;
+
 pub mod sqlite;
 
 pub mod blobs;
@@ -14,14 +16,24 @@ use std::time::Duration;
 
 use async_trait::async_trait;
 use jiff::{SignedDuration, Timestamp};
+use uuid::Uuid;
 
 use crate::jobs::job::{CallbackTry, Job, JobId, JobState, JobWarning, MaskInfo, ResultFile};
+use crate::jobs::moves::Cause;
 use crate::jobs::token::StoredToken;
 use crate::problem::Problem;
 
 /// Runs of one job before it is given up. A job that takes its server down with it would
 /// otherwise do so for ever.
 pub const MAX_ATTEMPTS: u32 = 3;
+
+/// Why a job has failed whose worker was gone that often.
+#[must_use]
+pub fn too_many_attempts() -> Problem {
+    let detail = format!("the job was begun {MAX_ATTEMPTS} times and the server stopped each time");
+    Problem::new(500, "too_many_attempts", detail)
+        .hint("send it once more on its own; if it fails again, the mask is more than this server can take")
+}
 
 /// Why the store did not do what was asked.
 #[derive(Debug, thiserror::Error)]
@@ -149,6 +161,19 @@ pub struct QueueLoad {
     pub own_bytes: u64,
 }
 
+impl QueueLoad {
+    /// The same without one of the tenant's own jobs.
+    #[must_use]
+    pub fn without_own(self, bytes: u64) -> Self {
+        Self {
+            jobs: self.jobs.saturating_sub(1),
+            bytes: self.bytes.saturating_sub(bytes),
+            own_jobs: self.own_jobs.saturating_sub(1),
+            own_bytes: self.own_bytes.saturating_sub(bytes),
+        }
+    }
+}
+
 /// What became of a job to be kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Inserted {
@@ -170,6 +195,12 @@ pub struct Lease {
 
 /// How long a silent worker keeps its job. Three heartbeats, so that one may be lost.
 pub const LEASE: SignedDuration = SignedDuration::from_secs(30);
+
+/// A name that nothing else has.
+#[must_use]
+pub fn new_token() -> String {
+    Uuid::now_v7().hyphenated().to_string()
+}
 
 /// A job that was given to a worker.
 #[derive(Clone, Debug)]
@@ -196,6 +227,18 @@ pub enum Outcome {
     Failed(Box<Problem>),
     /// On request.
     Canceled,
+}
+
+impl Outcome {
+    /// As a cause of a move.
+    #[must_use]
+    pub fn cause(&self) -> Cause {
+        match self {
+            Self::Succeeded { .. } => Cause::Succeed,
+            Self::Failed(_) => Cause::Fail,
+            Self::Canceled => Cause::Stop,
+        }
+    }
 }
 
 /// What a request to cancel came to.
