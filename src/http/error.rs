@@ -97,7 +97,11 @@ fn no_room(error: JobsError) -> ApiError {
         JobsError::StorageLow => Problem::new(507, "storage_low", "the server's disk is nearly full")
             .hint("delete jobs, or try later")
             .into(),
-        JobsError::Store(StoreError::Database(error)) if is_full(&error) => Problem::storage_full().into(),
+        JobsError::Store(StoreError::Full) => Problem::storage_full().into(),
+        JobsError::Store(error @ StoreError::Unavailable(_)) => {
+            tracing::error!(%error, "request put off");
+            busy("store_unavailable", "the server's database cannot be used at the moment")
+        }
         JobsError::Files(error) => files_failed(&error),
         other => internal(&other),
     }
@@ -157,11 +161,6 @@ fn files_failed(error: &io::Error) -> ApiError {
     Problem::of_storage(error).into()
 }
 
-fn is_full(error: &sqlx::Error) -> bool {
-    // SQLITE_FULL.
-    error.as_database_error().and_then(|e| e.code()).is_some_and(|code| code == "13")
-}
-
 /// Our fault: logged here, once; the client is told nothing of the inside.
 fn internal(error: &dyn std::fmt::Display) -> ApiError {
     tracing::error!(%error, "request failed");
@@ -183,4 +182,22 @@ pub async fn wrong_method(method: Method) -> ApiError {
 /// Answer when a handler panicked.
 pub fn handler_panicked(_payload: Box<dyn Any + Send>) -> Response<Body> {
     ApiError::from(Problem::internal()).into_response()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_database_lacks_is_told_apart_from_a_fault() {
+        for (error, status, is_retryable) in [
+            (StoreError::Full, 507, true),
+            (StoreError::Unavailable("locked".to_owned()), 503, true),
+            (StoreError::Corrupt("column id".to_owned()), 500, false),
+            (StoreError::Other("no such table".to_owned()), 500, false),
+        ] {
+            let answer = ApiError::from(JobsError::Store(error)).into_response();
+            assert_eq!((answer.status().as_u16(), answer.headers().contains_key(RETRY_AFTER)), (status, is_retryable));
+        }
+    }
 }

@@ -6,7 +6,8 @@ use std::time::Duration;
 use jiff::Timestamp;
 use tokio::time::{Interval, MissedTickBehavior, interval};
 
-use super::service::{Jobs, OpenError};
+use super::place::OpenError;
+use super::service::Jobs;
 use super::store::{LEASE, Reclaim, StoreError};
 
 /// How often leases are extended.

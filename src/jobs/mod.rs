@@ -15,7 +15,7 @@
 use std::fs::DirBuilder;
 use std::io;
 use std::os::unix::fs::DirBuilderExt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 pub mod process;
 
@@ -30,6 +30,8 @@ pub mod caller;
 pub mod token;
 
 pub mod store;
+
+pub mod place;
 
 pub mod upload;
 
@@ -55,10 +57,4 @@ mod callbacks;
 /// When it cannot be made.
 pub fn make_private(folder: &Path) -> io::Result<()> {
     DirBuilder::new().recursive(true).mode(0o700).create(folder)
-}
-
-/// Where the audit log of a data directory lies.
-#[must_use]
-pub fn audit_path(data_dir: &Path) -> PathBuf {
-    data_dir.join("audit").join("audit.jsonl")
 }

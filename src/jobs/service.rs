@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::io;
-use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -16,11 +15,11 @@ use tokio_util::sync::CancellationToken;
 use super::caller::{Caller, OpenRequest, OpenRequests};
 use super::changes::{Changes, RECHECK};
 use super::job::{Job, JobId, JobState, ResultFile};
+use super::place::{OpenError, Place};
 use super::process::InputLimits;
 use super::running::{Progress, Running};
 use super::store::blobs::Blobs;
 use super::store::liveness::Instance;
-use super::store::sqlite::SqliteStore;
 use super::store::{CancelAnswer, Lease, ListQuery, QueueLimits, Reclaim, RetryAnswer, Store, StoreError};
 use super::upload::UploadLimits;
 use crate::audit::{Action, Audit, Entry};
@@ -107,17 +106,6 @@ pub enum JobsError {
     Task(#[from] JoinError),
 }
 
-/// Why the jobs cannot be opened.
-#[derive(Debug, thiserror::Error)]
-pub enum OpenError {
-    /// The directory cannot be used.
-    #[error("the data directory cannot be used: {0}")]
-    Files(#[from] io::Error),
-    /// The database cannot be used.
-    #[error(transparent)]
-    Store(#[from] StoreError),
-}
-
 /// A job with what only this process knows of it.
 #[derive(Clone, Debug)]
 pub struct JobStatus {
@@ -172,13 +160,10 @@ impl Jobs {
     ///
     /// # Errors
     /// As [`OpenError`].
-    pub async fn open(data_dir: &Path, limits: JobLimits, webhooks: Option<Sender>) -> Result<Self, OpenError> {
-        super::make_private(data_dir)?;
-        let instance = Instance::begin(data_dir)?;
-        let blobs = Blobs::open(data_dir, instance.id())?;
-        let store: Arc<dyn Store> = Arc::new(SqliteStore::open(&Blobs::database_path(data_dir)).await?);
+    pub async fn open(place: &Place, limits: JobLimits, webhooks: Option<Sender>) -> Result<Self, OpenError> {
+        let (instance, blobs, audit) = place.begin()?;
         let jobs = Self {
-            store,
+            store: place.open_store().await?,
             blobs,
             limits,
             instance,
@@ -189,7 +174,7 @@ impl Jobs {
             workers_alive: AtomicUsize::new(0),
             requests: Arc::default(),
             closing: CancellationToken::new(),
-            audit: Audit::open(&super::audit_path(data_dir))?,
+            audit,
             metrics: Metrics::new(),
             webhooks,
         };

@@ -273,7 +273,7 @@ impl Attempt {
             }
             Err(ProcessError::Cancelled) => Outcome::Canceled,
             Err(ProcessError::Problem(problem)) => {
-                if problem.status >= 500 {
+                if problem.is_our_fault() {
                     tracing::error!(code = problem.code, "the run failed through our fault");
                 }
                 Outcome::Failed(problem)
@@ -344,7 +344,7 @@ async fn clean_up(jobs: &Jobs, running: &Running, outcome: &Outcome, is_written:
         scratch??;
         match outcome {
             Outcome::Succeeded { .. } if is_written => return Ok(()),
-            Outcome::Failed(problem) if is_written && problem.status < 500 => jobs.forget_mask(lease.id).await,
+            Outcome::Failed(problem) if is_written && !problem.is_our_fault() => jobs.forget_mask(lease.id).await,
             _ => {}
         }
         if matches!(jobs.store().get(lease.id).await, Ok(None)) {

@@ -9,7 +9,7 @@ use medialrep::jobs::job::{
     CallbackState, CallbackTry, Job, JobId, JobState, JobWarning, MaskInfo, RequestedParams, ResultFile,
 };
 use medialrep::jobs::moves::Cause;
-use medialrep::jobs::store::sqlite::SqliteStore;
+use medialrep::jobs::place::Place;
 use medialrep::jobs::store::{
     CallbackNext, CancelAnswer, Held, Inserted, Lease, ListQuery, MAX_ATTEMPTS, NewJob, Outcome, QueueLimits, Reclaim,
     RetryAnswer, Reused, Store, StoreError,
@@ -20,11 +20,11 @@ use tempfile::TempDir;
 
 const LEASE: SignedDuration = SignedDuration::from_secs(30);
 
-/// The one place that names a database: all that follows holds for any.
+/// The one place that opens a store: all that follows holds for any.
 async fn store() -> (TempDir, Arc<dyn Store>) {
     let dir = TempDir::new().unwrap();
-    let store = SqliteStore::open(&dir.path().join("jobs.sqlite")).await.unwrap();
-    (dir, Arc::new(store))
+    let store = Place::at(dir.path()).open_store().await.unwrap();
+    (dir, store)
 }
 
 const LIMITS: QueueLimits = QueueLimits { jobs: 1000, bytes: 1 << 30, share_percent: 100 };

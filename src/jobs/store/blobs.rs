@@ -37,7 +37,6 @@ use crate::jobs::process::sha256_of_file;
 const SCRATCH: &str = "scratch";
 const MASKS: &str = "masks";
 const RESULTS: &str = "results";
-const DATABASE: &str = "db";
 /// Files up to this size are read once: checked or stored, then sent, from memory.
 const IN_MEMORY_BYTES: u64 = 8 << 20;
 /// How much is read ahead of a file that is copied.
@@ -86,9 +85,7 @@ impl Blobs {
     /// When a folder cannot be made.
     pub fn open(root: &Path, instance: &str) -> io::Result<Self> {
         let scratch = root.join(SCRATCH).join(instance);
-        for folder in [root, &root.join(DATABASE), &scratch] {
-            crate::jobs::make_private(folder)?;
-        }
+        crate::jobs::make_private(&scratch)?;
         Ok(Self { scratch, ..Self::beside(root)? })
     }
 
@@ -107,12 +104,6 @@ impl Blobs {
     #[must_use]
     pub fn stored_in(self, store: Arc<dyn ObjectStore>) -> Self {
         Self { store, ..self }
-    }
-
-    /// Where a store that is a file lies.
-    #[must_use]
-    pub fn database_path(root: &Path) -> PathBuf {
-        root.join(DATABASE).join("jobs.sqlite")
     }
 
     /// A file for an upload; it vanishes when dropped. Blocks.

@@ -1,7 +1,9 @@
-//! The store: what is kept of jobs and tokens, and who may change it. One trait, [`Store`], so that
-//! the service does not know the database; its parts are traits of their own, so that an
+//! What lasts: rows, files, and the marks of processes that live.
+//!
+//! The store of rows: what is kept of jobs and tokens, and who may change it. One trait, [`Store`],
+//! so that the service does not know the database; its parts are traits of their own, so that an
 //! implementation can be read in parts too. What every implementation promises is tested in one
-//! place, whatever database is behind it.
+//! place, whatever database is behind it. Errors are told by what a caller can do about them.
 
 mod sql;
 
@@ -12,6 +14,7 @@ pub mod blobs;
 pub mod liveness;
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::time::Duration;
 
 use async_trait::async_trait;
@@ -50,18 +53,29 @@ pub enum StoreError {
     /// The lease was lost: the job was given to another worker, deleted or ended.
     #[error("the lease is not held any more")]
     StaleLease,
-    /// The database failed.
-    #[error("database: {0}")]
-    Database(#[from] sqlx::Error),
-    /// The tables could not be brought up to date.
-    #[error("database migration: {0}")]
-    Migration(#[from] sqlx::migrate::MigrateError),
-    /// A row holds what this program never writes.
-    #[error("column {column} holds what it never can")]
-    Corrupt {
-        /// Its column.
-        column: &'static str,
+    /// There is no room for more.
+    #[error("the disk has no room for the database")]
+    Full,
+    /// The database cannot be reached, or others keep it locked: later it may work.
+    #[error("the database cannot be used at the moment: {0}")]
+    Unavailable(String),
+    /// The tables are those of a later version of this program.
+    #[error(
+        "the database was made by a later version of this program (its tables are at step {found}, this version knows \
+         {known}): use that version, or a backup made before it"
+    )]
+    Newer {
+        /// A step of its tables that is not known.
+        found: i64,
+        /// The last one that is.
+        known: i64,
     },
+    /// It is damaged, or holds what this program never writes.
+    #[error("the database holds what it never can: {0}")]
+    Corrupt(String),
+    /// Anything else.
+    #[error("database: {0}")]
+    Other(String),
 }
 
 /// A job to be kept.
@@ -450,6 +464,12 @@ pub trait TokenStore: Send + Sync {
 pub trait Store: JobStore + QueueStore + RetentionStore + CallbackStore + TokenStore {
     /// Fails unless the store can be written to.
     async fn check_writable(&self) -> Result<(), StoreError>;
+
+    /// What the store finds wrong with itself; empty when nothing is.
+    async fn check_integrity(&self) -> Result<Vec<String>, StoreError>;
+
+    /// Writes a copy of all of it as it is now to a file that is not there yet; others may write meanwhile.
+    async fn copy_to(&self, file: &Path) -> Result<(), StoreError>;
 
     /// Puts the store to rest; no call succeeds afterwards.
     async fn close(&self);

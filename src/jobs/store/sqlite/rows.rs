@@ -83,7 +83,7 @@ fn json<T: DeserializeOwned>(row: &SqliteRow, column: &'static str) -> Result<T,
 }
 
 pub(super) fn corrupt(column: &'static str) -> StoreError {
-    StoreError::Corrupt { column }
+    StoreError::Corrupt(format!("column {column}"))
 }
 
 /// JSON of plain data.
