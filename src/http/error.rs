@@ -145,6 +145,12 @@ pub fn too_large(limit_bytes: u64) -> ApiError {
         .into()
 }
 
+/// `no_such_job`
+#[derive(utoipa::IntoResponses)]
+#[response(status = 404, content_type = "application/problem+json")]
+#[expect(dead_code, reason = "describes an answer, is none")]
+pub struct NoSuchJob(Problem);
+
 /// A job that is not there. Says the same for an id that never was and one that is malformed.
 pub fn no_such_job() -> ApiError {
     Problem::new(404, "no_such_job", "there is no job of this id").hint("it may have been deleted").into()
