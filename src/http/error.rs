@@ -10,8 +10,8 @@ use axum::response::IntoResponse;
 
 use super::trace;
 use crate::formats::params_json::ParamsJsonError;
+use crate::jobs::error::JobsError;
 use crate::jobs::job::JobState;
-use crate::jobs::service::JobsError;
 use crate::jobs::store::StoreError;
 use crate::jobs::upload::UploadError;
 use crate::problem::Problem;

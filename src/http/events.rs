@@ -19,8 +19,9 @@ use super::error::{ApiError, NoSuchJob};
 use super::extract::{IdParam, JobPath};
 use super::view::ProgressView;
 use crate::jobs::changes::{Happened, RECHECK};
+use crate::jobs::error::JobsError;
 use crate::jobs::job::{JobId, JobState};
-use crate::jobs::service::{JobStatus, Jobs, JobsError};
+use crate::jobs::service::{JobStatus, Jobs};
 
 /// Shortest time between two events of progress.
 const PACE: Duration = Duration::from_millis(100);

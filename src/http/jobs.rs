@@ -246,6 +246,7 @@ pub async fn status(
         return Err(Problem::new(400, "invalid_query", detail).at("query.wait").into());
     }
     let status = jobs.status_at_end(&allowed.caller, id, Duration::from_secs(seconds.into())).await?;
+    // A few kilobytes: hashed in microseconds.
     let body = serde_json::to_vec(&JobView::from(status)).map_err(|_| Problem::internal())?;
     let etag = format!("\"{}\"", hex(&Sha256::digest(&body)[..16]));
     let tag = [(ETAG, HeaderValue::from_str(&etag).map_err(|_| Problem::internal())?)];

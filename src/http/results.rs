@@ -17,8 +17,9 @@ use super::error::{ApiError, PROBLEM_JSON};
 use super::extract::{IdParam, JobPath, ResultPath, has_it, header, media_range};
 use super::params_schema::BytesSchema;
 use crate::audit::Action;
+use crate::jobs::error::JobsError;
 use crate::jobs::process::ARTIFACTS;
-use crate::jobs::service::{Jobs, JobsError, Published};
+use crate::jobs::service::{Jobs, Published};
 use crate::jobs::store::blobs::Content;
 use crate::problem::Problem;
 
@@ -53,7 +54,7 @@ pub async fn result(
 ) -> Result<Response<Body>, ApiError> {
     let published = jobs.result(&allowed.caller, id, &name).await?;
     let answer = serve(&jobs, &published, &headers).await?;
-    jobs.record(&allowed.caller, Action::ReadResult, Some(id), published.code());
+    jobs.record(&allowed.caller, Action::ReadResult, Some(id), published.code()).await;
     Ok(answer)
 }
 

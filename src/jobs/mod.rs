@@ -9,8 +9,13 @@
 //! Beside the workers: `beat` keeps leases and sees whose worker is gone, `retention` erases
 //! what is old, `callbacks` sends webhooks. Several processes may share one data directory.
 //!
-//! Knows no HTTP. The row is the truth: a file that no row names does not exist for anybody, and
-//! is swept.
+//! The row is the truth: a file that no row names does not exist for anybody, and is swept. A row
+//! moves from state to state as the table in [`moves`] says and in no other way. [`place`] says where
+//! rows and files lie; nothing else names a database.
+//!
+//! Knows no request and no web framework. What clients see goes through here in two forms: a job
+//! that failed is kept with its problem object ([`crate::problem`], whose status is one of HTTP), and
+//! types that they see as they are derive their description.
 
 use std::fs::DirBuilder;
 use std::io;
@@ -29,17 +34,25 @@ pub mod caller;
 
 pub mod token;
 
+mod blocking;
+
 pub mod store;
 
 pub mod place;
 
 pub mod upload;
 
+pub mod limits;
+
+pub mod error;
+
 pub mod changes;
 
 pub mod running;
 
 pub mod service;
+
+mod upkeep;
 
 pub mod submission;
 

@@ -14,11 +14,13 @@ use tokio::time::{Instant, sleep, timeout, timeout_at};
 use tokio_util::sync::CancellationToken;
 use tracing::{Instrument, info_span};
 
+use super::blocking::on_own_thread;
 use super::caller::Caller;
+use super::error::JobsError;
 use super::job::{Job, JobWarning, RequestedParams, ResultFile};
 use super::process::{Artifact, InputLimits, ProcessError, Processed, sha256_of_file};
 use super::running::Running;
-use super::service::{Jobs, JobsError};
+use super::service::Jobs;
 use super::store::blobs::LocalMask;
 use super::store::{Claim, LEASE, Outcome, StoreError};
 use super::submission::PROGRAM;
@@ -87,13 +89,13 @@ impl Workers {
                 break;
             }
         }
-        for running in self.jobs.all_running() {
+        for running in self.jobs.running().all() {
             let released = self.jobs.store().release(&running.lease, Timestamp::now()).await;
             tracing::info!(job = %running.lease.id, is_released = released.is_ok(), "job put back: the server stops");
             running.stop();
         }
         let let_go = async {
-            while !self.jobs.all_running().is_empty() {
+            while !self.jobs.running().all().is_empty() {
                 sleep(Duration::from_millis(20)).await;
             }
         };
@@ -104,7 +106,7 @@ impl Workers {
             // Once it has ended, so has its hold on the data directory.
             let _ = task.await;
         }
-        self.jobs.record(&Caller::default(), Action::Stopped, None, "ok");
+        self.jobs.record(&Caller::default(), Action::Stopped, None, "ok").await;
         self.jobs.store().close().await;
     }
 }
@@ -186,7 +188,7 @@ async fn end_or_let_go(jobs: Arc<Jobs>, ran: Ran) {
     let running = Arc::clone(&ran.running);
     if AssertUnwindSafe(end(Arc::clone(&jobs), ran)).catch_unwind().await.is_err() {
         tracing::error!("the job was not ended; its lease runs out");
-        jobs.end(&running);
+        jobs.running().end(&running);
     }
 }
 
@@ -202,7 +204,7 @@ async fn end(jobs: Arc<Jobs>, ran: Ran) {
     }
     let is_written = finish(&jobs, &running, &outcome).await;
     clean_up(&jobs, &running, &outcome, is_written).await;
-    jobs.end(&running);
+    jobs.running().end(&running);
     if is_written {
         jobs.has_ended(lease.id).await;
     }
@@ -339,9 +341,9 @@ async fn finish(jobs: &Jobs, running: &Running, outcome: &Outcome) -> bool {
 async fn clean_up(jobs: &Jobs, running: &Running, outcome: &Outcome, is_written: bool) {
     let lease = running.lease.clone();
     let (blobs, token) = (jobs.blobs().clone(), lease.token.clone());
-    let scratch = spawn_blocking(move || blobs.end_attempt(&token)).await;
+    let scratch = on_own_thread(move || blobs.end_attempt(&token)).await;
     let erased = async {
-        scratch??;
+        scratch?;
         match outcome {
             Outcome::Succeeded { .. } if is_written => return Ok(()),
             Outcome::Failed(problem) if is_written && !problem.is_our_fault() => jobs.forget_mask(lease.id).await,
