@@ -21,6 +21,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use self::auth::Access;
+use self::ops::Description;
 use self::web::Page;
 use crate::jobs::service::Jobs;
 
@@ -100,7 +101,7 @@ pub fn router(jobs: Arc<Jobs>, access: Access) -> Router {
 
 /// The service's routes, and that page.
 pub fn router_with_page(jobs: Arc<Jobs>, access: Access, page: Page) -> Router {
-    let (routes, _) = routes().split_for_parts();
+    let (routes, document) = routes().split_for_parts();
     let header = SetResponseHeaderLayer::if_not_present;
     let (cors, own_origin) = (cors(&access.cors_origins), HeaderName::from_static("cross-origin-resource-policy"));
     routes
@@ -109,6 +110,7 @@ pub fn router_with_page(jobs: Arc<Jobs>, access: Access, page: Page) -> Router {
         .with_state(Arc::clone(&jobs))
         .layer(Extension(Arc::new(access)))
         .layer(Extension(page))
+        .layer(Extension(Description::of(document)))
         .layer(cors)
         .layer(CatchPanicLayer::custom(error::handler_panicked))
         .layer(header(CACHE_CONTROL, HeaderValue::from_static("no-store")))
