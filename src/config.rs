@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use std::thread::available_parallelism;
 use std::time::Duration;
 
+use crate::jobs::limits::{JobLimits, Retention};
 use crate::jobs::process::InputLimits;
-use crate::jobs::queue::{JobLimits, Retention};
 use crate::jobs::store::QueueLimits;
 use crate::jobs::upload::UploadLimits;
 use crate::webhook::WebhookConfig;

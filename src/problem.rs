@@ -76,13 +76,16 @@ impl Problem {
         self
     }
 
+    /// Whether it is the server's fault, not that of what was sent.
+    #[must_use]
+    pub fn is_our_fault(&self) -> bool {
+        self.status >= 500
+    }
+
     /// A file that cannot be written: no room, or our fault.
     #[must_use]
     pub fn of_storage(error: &io::Error) -> Self {
-        match error.kind() {
-            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => Self::storage_full(),
-            _ => Self::internal(),
-        }
+        if is_full(error) { Self::storage_full() } else { Self::internal() }
     }
 
     /// No room for what was to be written.
@@ -96,6 +99,12 @@ impl Problem {
     pub fn internal() -> Self {
         Self::new(500, "internal", "the server failed; its log has the cause")
     }
+}
+
+/// Whether there was no room for what was to be written.
+#[must_use]
+pub fn is_full(error: &io::Error) -> bool {
+    matches!(error.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded)
 }
 
 impl From<&Refusal> for Problem {

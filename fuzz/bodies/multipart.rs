@@ -15,7 +15,8 @@ use http_body_util::BodyExt;
 use medialrep::config::ServeConfig;
 use medialrep::formats::InputLimits;
 use medialrep::http::auth::Access;
-use medialrep::jobs::queue::Jobs;
+use medialrep::jobs::place::Place;
+use medialrep::jobs::service::Jobs;
 use medialrep::problem::Problem;
 use serde_json::Value;
 use tempfile::TempDir;
@@ -99,7 +100,7 @@ async fn service(data_dir: &Path) -> Router {
     limits.upload.max_bytes = MAX_MASK_BYTES;
     limits.upload.idle = Duration::from_secs(5);
     limits.input = InputLimits { max_voxels: 1 << 20, max_decompressed_bytes: 4 << 20 };
-    let jobs = Jobs::open(data_dir, limits, None).await.unwrap();
+    let jobs = Jobs::open(&Place::at(data_dir), limits, None).await.unwrap();
     medialrep::http::router(Arc::new(jobs), Access::default())
 }
 

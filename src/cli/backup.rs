@@ -6,11 +6,10 @@ use std::process::ExitCode;
 
 use anyhow::{Context, ensure};
 
-use crate::jobs::blobs::Blobs;
+use crate::jobs::job::Job;
 use crate::jobs::make_private;
-use crate::jobs::sqlite::SqliteStore;
-use crate::jobs::store::{JobStore, RetentionStore};
-use crate::jobs::{audit_path, job::Job};
+use crate::jobs::place::Place;
+use crate::jobs::store::blobs::Blobs;
 
 /// Arguments of `medialrep backup`.
 #[derive(Debug, clap::Args)]
@@ -37,16 +36,13 @@ pub fn backup(args: &BackupArgs) -> anyhow::Result<ExitCode> {
 /// The database first: what it names afterwards is either still there, or was deleted meanwhile, and
 /// then the copy forgets it too.
 async fn copy(from: &Path, to: &Path) -> anyhow::Result<()> {
-    let (old, new) = (Blobs::database_path(from), Blobs::database_path(to));
-    ensure!(old.exists(), "there is no database in {}", from.display());
-    make_private(to).with_context(|| format!("cannot use {}", to.display()))?;
-    ensure!(to.read_dir()?.next().is_none(), "{} is not empty", to.display());
-    if let Some(folder) = new.parent() {
-        make_private(folder)?;
-    }
-    SqliteStore::open(&old).await?.copy_to(&new).await.context("cannot copy the database")?;
-    let store = SqliteStore::open(&new).await?;
-    let (source, target) = (Blobs::beside(from)?, Blobs::beside(to)?);
+    let (old, new) = (Place::at(from), Place::at(to));
+    ensure!(old.is_used(), "there is no database in {old}");
+    make_private(to).with_context(|| format!("cannot use {new}"))?;
+    ensure!(to.read_dir()?.next().is_none(), "{new} is not empty");
+    old.copy_store_to(&new).await.context("cannot copy the database")?;
+    let store = new.open_store().await?;
+    let (source, target) = (old.blobs()?, new.blobs()?);
     let (mut copied, mut gone) = (0_usize, 0_usize);
     for files in store.kept_files().await? {
         let Some(job) = store.get(files.id).await? else { continue };
@@ -57,11 +53,7 @@ async fn copy(from: &Path, to: &Path) -> anyhow::Result<()> {
             gone += 1;
         }
     }
-    let (old, new) = (audit_path(from), audit_path(to));
-    if let (true, Some(folder)) = (old.exists(), new.parent()) {
-        make_private(folder)?;
-        std::fs::copy(&old, &new).context("cannot copy the audit log")?;
-    }
+    old.copy_audit_to(&new).context("cannot copy the audit log")?;
     tell(&format!("{copied} jobs copied, {gone} deleted meanwhile"));
     Ok(())
 }
@@ -71,8 +63,8 @@ async fn copy_files(source: &Blobs, target: &Blobs, job: &Job) -> anyhow::Result
     if job.is_mask_kept && !source.copy_mask_to(target, job.id).await? {
         return Ok(false);
     }
-    if let (true, Some(token)) = (job.are_results_kept, &job.results_token) {
-        for file in &job.results {
+    if let Some((token, files)) = job.kept_results() {
+        for file in files {
             if !source.copy_result_to(target, (job.id, token, &file.name)).await? {
                 return Ok(false);
             }

@@ -3,18 +3,17 @@
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context;
 use jiff::Timestamp;
 
 use super::{complain, exit};
-use crate::audit::{Action, Audit, Entry};
-use crate::jobs::blobs::Blobs;
-use crate::jobs::sqlite::SqliteStore;
-use crate::jobs::store::TokenStore;
+use crate::audit::{Action, Entry};
+use crate::jobs::place::Place;
+use crate::jobs::store::Store;
 use crate::jobs::token::{Scope, StoredToken, Token, check_tenant};
-use crate::jobs::{audit_path, make_private};
 
 /// What to do with tokens.
 #[derive(Debug, clap::Subcommand)]
@@ -85,18 +84,13 @@ pub fn token(command: TokenCommand) -> anyhow::Result<ExitCode> {
 /// # Errors
 /// When there is a database and it cannot be read.
 pub(super) async fn has_tokens(data_dir: &Path) -> anyhow::Result<bool> {
-    if !Blobs::database_path(data_dir).exists() {
-        return Ok(false);
-    }
-    Ok(open(data_dir).await?.has_tokens().await?)
+    let place = Place::at(data_dir);
+    Ok(place.is_used() && place.open_store().await?.has_tokens().await?)
 }
 
-async fn open(data_dir: &Path) -> anyhow::Result<SqliteStore> {
-    let database = Blobs::database_path(data_dir);
-    for folder in [Some(data_dir), database.parent()].into_iter().flatten() {
-        make_private(folder).with_context(|| format!("cannot use {}", folder.display()))?;
-    }
-    SqliteStore::open(&database).await.with_context(|| format!("cannot use {}", database.display()))
+async fn open(data_dir: &Path) -> anyhow::Result<Arc<dyn Store>> {
+    let place = Place::at(data_dir);
+    place.open_store().await.with_context(|| format!("cannot use {place}"))
 }
 
 async fn create(args: CreateArgs) -> anyhow::Result<ExitCode> {
@@ -139,7 +133,7 @@ async fn revoke(args: &RevokeArgs) -> anyhow::Result<ExitCode> {
 fn record(data_dir: &Path, action: Action, token: &StoredToken) -> anyhow::Result<()> {
     let entry =
         Entry { tenant: Some(&token.tenant), token: Some(&token.id), action, job: None, outcome: "ok", trace_id: None };
-    Audit::open(&audit_path(data_dir))?.append(&entry).context("cannot write the audit log")
+    Place::at(data_dir).open_audit()?.append(&entry).context("cannot write the audit log")
 }
 
 #[expect(clippy::print_stdout, reason = "this is what was asked for")]

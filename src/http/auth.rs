@@ -19,7 +19,8 @@ use super::extract::header;
 use super::trace::TraceId;
 use crate::audit::Action;
 use crate::jobs::caller::{Caller, OpenRequest};
-use crate::jobs::queue::{Jobs, JobsError};
+use crate::jobs::error::JobsError;
+use crate::jobs::service::Jobs;
 use crate::jobs::token::{Scope, Token};
 use crate::problem::Problem;
 
@@ -111,12 +112,12 @@ async fn authenticate(jobs: &Jobs, parts: &Parts, scope: Scope, trace_id: String
     };
     let known = stored.zip(token).filter(|(stored, token)| stored.is_secret(token.secret()));
     let Some((stored, _)) = known.filter(|(stored, _)| stored.is_valid_at(Timestamp::now())) else {
-        denied(jobs, &stranger(), "token_invalid");
+        denied(jobs, &stranger(), "token_invalid").await;
         return Err(unauthorized("token_invalid", "the token is not known, has expired or was revoked"));
     };
     let caller = Caller { tenant: stored.tenant, token: Some(stored.id), trace_id };
     if !stored.scopes.contains(&scope) {
-        denied(jobs, &caller, "scope_missing");
+        denied(jobs, &caller, "scope_missing").await;
         let detail = format!("the token has no scope {}", scope.name());
         return Err(Problem::new(403, "scope_missing", detail).hint("ask for a token with this scope").into());
     }
@@ -124,11 +125,11 @@ async fn authenticate(jobs: &Jobs, parts: &Parts, scope: Scope, trace_id: String
 }
 
 /// One line a second at most: who knocks in vain must not fill the disk.
-fn denied(jobs: &Jobs, caller: &Caller, code: &str) {
+async fn denied(jobs: &Jobs, caller: &Caller, code: &str) {
     static LAST: AtomicI64 = AtomicI64::new(0);
     let now = Timestamp::now().as_second();
     if LAST.swap(now, Ordering::Relaxed) != now {
-        jobs.record(caller, Action::Denied, None, code);
+        jobs.record(caller, Action::Denied, None, code).await;
     }
 }
 

@@ -10,8 +10,8 @@ use axum::response::IntoResponse;
 
 use super::trace;
 use crate::formats::params_json::ParamsJsonError;
+use crate::jobs::error::JobsError;
 use crate::jobs::job::JobState;
-use crate::jobs::queue::JobsError;
 use crate::jobs::store::StoreError;
 use crate::jobs::upload::UploadError;
 use crate::problem::Problem;
@@ -97,7 +97,11 @@ fn no_room(error: JobsError) -> ApiError {
         JobsError::StorageLow => Problem::new(507, "storage_low", "the server's disk is nearly full")
             .hint("delete jobs, or try later")
             .into(),
-        JobsError::Store(StoreError::Database(error)) if is_full(&error) => Problem::storage_full().into(),
+        JobsError::Store(StoreError::Full) => Problem::storage_full().into(),
+        JobsError::Store(error @ StoreError::Unavailable(_)) => {
+            tracing::error!(%error, "request put off");
+            busy("store_unavailable", "the server's database cannot be used at the moment")
+        }
         JobsError::Files(error) => files_failed(&error),
         other => internal(&other),
     }
@@ -141,6 +145,12 @@ pub fn too_large(limit_bytes: u64) -> ApiError {
         .into()
 }
 
+/// `no_such_job`
+#[derive(utoipa::IntoResponses)]
+#[response(status = 404, content_type = "application/problem+json")]
+#[expect(dead_code, reason = "describes an answer, is none")]
+pub struct NoSuchJob(Problem);
+
 /// A job that is not there. Says the same for an id that never was and one that is malformed.
 pub fn no_such_job() -> ApiError {
     Problem::new(404, "no_such_job", "there is no job of this id").hint("it may have been deleted").into()
@@ -155,11 +165,6 @@ fn no_such_result(state: JobState) -> ApiError {
 fn files_failed(error: &io::Error) -> ApiError {
     tracing::error!(%error, "a file cannot be read or written");
     Problem::of_storage(error).into()
-}
-
-fn is_full(error: &sqlx::Error) -> bool {
-    // SQLITE_FULL.
-    error.as_database_error().and_then(|e| e.code()).is_some_and(|code| code == "13")
 }
 
 /// Our fault: logged here, once; the client is told nothing of the inside.
@@ -183,4 +188,22 @@ pub async fn wrong_method(method: Method) -> ApiError {
 /// Answer when a handler panicked.
 pub fn handler_panicked(_payload: Box<dyn Any + Send>) -> Response<Body> {
     ApiError::from(Problem::internal()).into_response()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_database_lacks_is_told_apart_from_a_fault() {
+        for (error, status, is_retryable) in [
+            (StoreError::Full, 507, true),
+            (StoreError::Unavailable("locked".to_owned()), 503, true),
+            (StoreError::Corrupt("column id".to_owned()), 500, false),
+            (StoreError::Other("no such table".to_owned()), 500, false),
+        ] {
+            let answer = ApiError::from(JobsError::Store(error)).into_response();
+            assert_eq!((answer.status().as_u16(), answer.headers().contains_key(RETRY_AFTER)), (status, is_retryable));
+        }
+    }
 }

@@ -15,13 +15,13 @@ use tokio::sync::watch;
 use tokio::time::{Instant, timeout};
 
 use super::auth::{Allowed, Read, TokenProblems, TooManyRequests};
-use super::error::{ApiError, PROBLEM_JSON};
-use super::extract::JobPath;
+use super::error::{ApiError, NoSuchJob};
+use super::extract::{IdParam, JobPath};
 use super::view::ProgressView;
 use crate::jobs::changes::{Happened, RECHECK};
+use crate::jobs::error::JobsError;
 use crate::jobs::job::{JobId, JobState};
-use crate::jobs::queue::{JobStatus, Jobs, JobsError};
-use crate::problem::Problem;
+use crate::jobs::service::{JobStatus, Jobs};
 
 /// Shortest time between two events of progress.
 const PACE: Duration = Duration::from_millis(100);
@@ -69,7 +69,7 @@ pub struct JobEvent {
 #[utoipa::path(
     get, path = "/v1/jobs/{id}/events", tag = "jobs",
     params(
-        ("id" = String, Path, description = "The job's id", format = "uuid"),
+        IdParam,
         ("Last-Event-ID" = Option<String>, Header, description = "Number of the last state that the client has")
     ),
     responses(
@@ -77,7 +77,7 @@ pub struct JobEvent {
         (status = 204, description = "The job has ended and the client has all events"),
         TokenProblems,
         TooManyRequests,
-        (status = 404, body = Problem, content_type = PROBLEM_JSON, description = "`no_such_job`")
+        NoSuchJob
     )
 )]
 pub async fn events(

@@ -1,9 +1,11 @@
-//! Extractors whose refusals are problem objects.
+//! Extractors whose refusals are problem objects, and what else is read out of headers.
 
 use axum::extract::{FromRequestParts, Path, Query};
+use axum::http::header::IF_NONE_MATCH;
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderName};
 use serde::de::DeserializeOwned;
+use utoipa::IntoParams;
 
 use super::error::{ApiError, no_such_job};
 use crate::jobs::job::JobId;
@@ -12,6 +14,33 @@ use crate::problem::Problem;
 /// A header as text; what is no text is none that anybody expects.
 pub fn header(headers: &HeaderMap, name: HeaderName) -> Option<&str> {
     headers.get(name).map(|value| value.to_str().unwrap_or("unreadable"))
+}
+
+/// Whether the client says that it has what this ETag stands for.
+pub fn has_it(headers: &HeaderMap, etag: &str) -> bool {
+    header(headers, IF_NONE_MATCH).is_some_and(|list| is_listed(list, etag))
+}
+
+fn is_listed(list: &str, etag: &str) -> bool {
+    list.split(',').map(|tag| tag.trim().trim_start_matches("W/")).any(|tag| tag == "*" || tag == etag)
+}
+
+/// `type/subtype;q=0.5`.
+pub fn media_range(text: &str) -> (&str, f32) {
+    let mut parts = text.split(';').map(str::trim);
+    let range = parts.next().unwrap_or_default();
+    let weight = parts.find_map(|part| part.strip_prefix("q=")).and_then(|q| q.parse().ok()).unwrap_or(1.0);
+    (range, weight)
+}
+
+/// The `{id}` of a path, described.
+#[derive(IntoParams)]
+#[into_params(parameter_in = Path)]
+#[expect(dead_code, reason = "describes what JobPath and ResultPath take")]
+pub struct IdParam {
+    /// The job's id
+    #[param(format = "uuid")]
+    id: String,
 }
 
 /// The job of a path `…/{id}`.
@@ -51,5 +80,17 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for StrictQuery<T>
             Ok(Query(query)) => Ok(Self(query)),
             Err(rejection) => Err(Problem::new(400, "invalid_query", rejection.body_text()).at("query").into()),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_list_of_etags_is_searched() {
+        assert!(is_listed("\"a\", W/\"b\"", "\"b\""));
+        assert!(is_listed("*", "\"b\""));
+        assert!(!is_listed("\"a\"", "\"b\""));
     }
 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use axum::Json;
 use axum::extract::{Request, State};
-use axum::http::header::{CONTENT_TYPE, ETAG, IF_NONE_MATCH, LINK, LOCATION, RETRY_AFTER};
+use axum::http::header::{CONTENT_TYPE, ETAG, LINK, LOCATION, RETRY_AFTER};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
@@ -13,15 +13,14 @@ use sha2::{Digest, Sha256};
 use utoipa::IntoParams;
 
 use super::auth::{Allowed, Read, TokenProblems, TooManyRequests, Write};
-use super::error::{ApiError, PROBLEM_JSON};
-use super::extract::{JobPath, StrictQuery, header};
+use super::error::{ApiError, NoSuchJob, PROBLEM_JSON};
+use super::extract::{IdParam, JobPath, StrictQuery, has_it, header};
 use super::params_schema::{BytesSchema, FormSchema, SubmitQuery};
-use super::results::matches;
 use super::submit;
 use super::view::{JobList, JobView};
 use crate::formats::hex;
 use crate::jobs::job::{JobId, JobState};
-use crate::jobs::queue::Jobs;
+use crate::jobs::service::Jobs;
 use crate::jobs::store::ListQuery;
 use crate::problem::Problem;
 
@@ -191,18 +190,20 @@ impl ListParams {
 }
 
 fn next_link(list: &JobList, params: &ListParams) -> HeaderMap {
-    let link = list.next_cursor().and_then(|cursor| {
-        let mut query = form_urlencoded::Serializer::new(String::new());
-        query.append_pair("cursor", cursor).append_pair("limit", &params.limit.unwrap_or(PAGE).to_string());
-        if let Some(state) = params.state {
-            query.append_pair("state", state.name());
-        }
-        if let Some(label) = &params.label {
-            query.append_pair("label", label);
-        }
-        HeaderValue::from_str(&format!("</v1/jobs?{}>; rel=\"next\"", query.finish())).ok()
-    });
-    link.into_iter().map(|link| (LINK, link)).collect()
+    let mut headers = HeaderMap::new();
+    let Some(cursor) = list.next_cursor() else { return headers };
+    let mut query = form_urlencoded::Serializer::new(String::new());
+    query.append_pair("cursor", cursor).append_pair("limit", &params.limit.unwrap_or(PAGE).to_string());
+    if let Some(state) = params.state {
+        query.append_pair("state", state.name());
+    }
+    if let Some(label) = &params.label {
+        query.append_pair("label", label);
+    }
+    if let Ok(link) = HeaderValue::from_str(&format!("</v1/jobs?{}>; rel=\"next\"", query.finish())) {
+        headers.insert(LINK, link);
+    }
+    headers
 }
 
 /// How a status is asked for.
@@ -219,7 +220,7 @@ pub struct StatusQuery {
 #[utoipa::path(
     get, path = "/v1/jobs/{id}", tag = "jobs",
     params(
-        ("id" = String, Path, description = "The job's id", format = "uuid"),
+        IdParam,
         StatusQuery,
         ("If-None-Match" = Option<String>, Header, description = "An ETag that the client has")
     ),
@@ -229,7 +230,7 @@ pub struct StatusQuery {
         (status = 400, body = Problem, content_type = PROBLEM_JSON, description = "`invalid_query`"),
         TokenProblems,
         TooManyRequests,
-        (status = 404, body = Problem, content_type = PROBLEM_JSON, description = "`no_such_job`")
+        NoSuchJob
     )
 )]
 pub async fn status(
@@ -245,10 +246,11 @@ pub async fn status(
         return Err(Problem::new(400, "invalid_query", detail).at("query.wait").into());
     }
     let status = jobs.status_at_end(&allowed.caller, id, Duration::from_secs(seconds.into())).await?;
+    // A few kilobytes: hashed in microseconds.
     let body = serde_json::to_vec(&JobView::from(status)).map_err(|_| Problem::internal())?;
     let etag = format!("\"{}\"", hex(&Sha256::digest(&body)[..16]));
     let tag = [(ETAG, HeaderValue::from_str(&etag).map_err(|_| Problem::internal())?)];
-    if header(&headers, IF_NONE_MATCH).is_some_and(|list| matches(list, &etag)) {
+    if has_it(&headers, &etag) {
         return Ok((StatusCode::NOT_MODIFIED, tag).into_response());
     }
     Ok((tag, [(CONTENT_TYPE, "application/json")], body).into_response())
@@ -257,12 +259,12 @@ pub async fn status(
 /// Forget a job and erase its mask and results. One that runs is stopped first.
 #[utoipa::path(
     delete, path = "/v1/jobs/{id}", tag = "jobs",
-    params(("id" = String, Path, description = "The job's id", format = "uuid")),
+    params(IdParam),
     responses(
         (status = 204, description = "Nothing of it is left"),
         TokenProblems,
         TooManyRequests,
-        (status = 404, body = Problem, content_type = PROBLEM_JSON, description = "`no_such_job`")
+        NoSuchJob
     )
 )]
 pub async fn delete(
@@ -277,12 +279,12 @@ pub async fn delete(
 /// Stop a job. One that waits ends at once, one that runs within a second.
 #[utoipa::path(
     post, path = "/v1/jobs/{id}/cancel", tag = "jobs",
-    params(("id" = String, Path, description = "The job's id", format = "uuid")),
+    params(IdParam),
     responses(
         (status = 202, body = JobView, description = "The job, canceled or about to be"),
         TokenProblems,
         TooManyRequests,
-        (status = 404, body = Problem, content_type = PROBLEM_JSON, description = "`no_such_job`"),
+        NoSuchJob,
         (status = 409, body = Problem, content_type = PROBLEM_JSON, description = "`job_ended`")
     )
 )]
@@ -298,11 +300,11 @@ pub async fn cancel(
 /// Run a failed or canceled job again.
 #[utoipa::path(
     post, path = "/v1/jobs/{id}/retry", tag = "jobs",
-    params(("id" = String, Path, description = "The job's id", format = "uuid")),
+    params(IdParam),
     responses(
         (status = 202, body = JobView, description = "The job, waiting again"),
         TokenProblems,
-        (status = 404, body = Problem, content_type = PROBLEM_JSON, description = "`no_such_job`"),
+        NoSuchJob,
         (status = 409, body = Problem, content_type = PROBLEM_JSON, description = "`not_retryable`, `mask_erased`"),
         (status = 429, body = Problem, content_type = PROBLEM_JSON, description = "`queue_share_full`, `too_many_requests`"),
         (status = 503, body = Problem, content_type = PROBLEM_JSON, description = "`queue_full`")

@@ -11,7 +11,7 @@ use serde_json::Value;
 use super::jobs::MAX_WAIT_S;
 use super::params_schema::ParamsSchema;
 use crate::jobs::process::ARTIFACTS;
-use crate::jobs::queue::Jobs;
+use crate::jobs::service::Jobs;
 use crate::params::LABEL_COUNT;
 
 /// Dimensions of a volume that carry the mask; further ones must be 1.

@@ -21,8 +21,9 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use self::auth::Access;
+use self::ops::Description;
 use self::web::Page;
-use crate::jobs::queue::Jobs;
+use crate::jobs::service::Jobs;
 
 pub mod server;
 
@@ -65,7 +66,8 @@ const CORS_MAX_AGE: Duration = Duration::from_secs(600);
         title = "medialrep",
         description = "Medial shape representation of anatomy: a label mask (NIfTI) in, the medial sheet, surfaces \
                        and thickness vectors out. Every error is a problem object (RFC 9457) with a stable `code`. \
-                       Any path may answer 404 `no_such_route`, 405 `method_not_allowed` and 500 `internal`.",
+                       Any path may answer 404 `no_such_route`, 405 `method_not_allowed`, 500 `internal` and 503 \
+                       `store_unavailable`.",
         license(name = "MIT OR Apache-2.0", identifier = "MIT OR Apache-2.0")
     ),
     tags(
@@ -99,7 +101,7 @@ pub fn router(jobs: Arc<Jobs>, access: Access) -> Router {
 
 /// The service's routes, and that page.
 pub fn router_with_page(jobs: Arc<Jobs>, access: Access, page: Page) -> Router {
-    let (routes, _) = routes().split_for_parts();
+    let (routes, document) = routes().split_for_parts();
     let header = SetResponseHeaderLayer::if_not_present;
     let (cors, own_origin) = (cors(&access.cors_origins), HeaderName::from_static("cross-origin-resource-policy"));
     routes
@@ -108,6 +110,7 @@ pub fn router_with_page(jobs: Arc<Jobs>, access: Access, page: Page) -> Router {
         .with_state(Arc::clone(&jobs))
         .layer(Extension(Arc::new(access)))
         .layer(Extension(page))
+        .layer(Extension(Description::of(document)))
         .layer(cors)
         .layer(CatchPanicLayer::custom(error::handler_panicked))
         .layer(header(CACHE_CONTROL, HeaderValue::from_static("no-store")))

@@ -1,16 +1,19 @@
 //! What operators and newcomers ask for.
 
-use std::sync::{Arc, LazyLock};
+use std::sync::{Arc, OnceLock};
 
-use axum::Json;
+use axum::body::Bytes;
 use axum::extract::State;
 use axum::http::header::CONTENT_TYPE;
 use axum::response::IntoResponse;
+use axum::{Extension, Json};
 use serde::Serialize;
+use tokio::task::spawn_blocking;
+use utoipa::openapi::OpenApi;
 
 use super::auth::{Allowed, TokenProblems, TooManyRequests, Watch};
 use super::error::{ApiError, PROBLEM_JSON};
-use crate::jobs::queue::Jobs;
+use crate::jobs::service::Jobs;
 use crate::problem::Problem;
 
 /// What is where.
@@ -100,7 +103,29 @@ pub async fn metrics(State(jobs): State<Arc<Jobs>>, _allowed: Allowed<Watch>) ->
     get, path = "/openapi.yaml", tag = "operation", security(()),
     responses((status = 200, body = String, content_type = "application/yaml", description = "OpenAPI 3.1"))
 )]
-pub async fn openapi() -> impl IntoResponse {
-    static YAML: LazyLock<String> = LazyLock::new(super::openapi_yaml);
-    ([(CONTENT_TYPE, "application/yaml")], YAML.as_str())
+pub async fn openapi(Extension(description): Extension<Description>) -> Result<impl IntoResponse, ApiError> {
+    // Written by whoever asks first, which takes some milliseconds.
+    let yaml = spawn_blocking(move || description.yaml()).await.ok().flatten();
+    Ok(([(CONTENT_TYPE, "application/yaml")], yaml.ok_or_else(Problem::internal)?))
+}
+
+/// The description of the routes.
+#[derive(Clone)]
+pub struct Description(Arc<(OpenApi, OnceLock<Bytes>)>);
+
+impl Description {
+    /// As a document that is written when it is asked for.
+    pub fn of(document: OpenApi) -> Self {
+        Self(Arc::new((document, OnceLock::new())))
+    }
+
+    /// OpenAPI 3.1 in YAML.
+    fn yaml(&self) -> Option<Bytes> {
+        let (document, written) = &*self.0;
+        if let Some(yaml) = written.get() {
+            return Some(yaml.clone());
+        }
+        let yaml = document.to_yaml().ok()?;
+        Some(written.get_or_init(|| yaml.into()).clone())
+    }
 }

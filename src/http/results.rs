@@ -7,26 +7,27 @@ use axum::body::Body;
 use axum::extract::State;
 use axum::http::header::{
     ACCEPT, ACCEPT_RANGES, CACHE_CONTROL, CONTENT_DISPOSITION, CONTENT_LENGTH, CONTENT_RANGE, CONTENT_TYPE, ETAG,
-    IF_NONE_MATCH, IF_RANGE, LOCATION, RANGE, VARY,
+    IF_RANGE, LOCATION, RANGE, VARY,
 };
 use axum::http::{HeaderMap, HeaderValue, Response, StatusCode};
 use axum::response::IntoResponse;
 
 use super::auth::{Allowed, Read, TokenProblems, TooManyRequests};
 use super::error::{ApiError, PROBLEM_JSON};
-use super::extract::{JobPath, ResultPath, header};
+use super::extract::{IdParam, JobPath, ResultPath, has_it, header, media_range};
 use super::params_schema::BytesSchema;
 use crate::audit::Action;
-use crate::jobs::blobs::Content;
+use crate::jobs::error::JobsError;
 use crate::jobs::process::ARTIFACTS;
-use crate::jobs::queue::{Jobs, JobsError, Published};
+use crate::jobs::service::{Jobs, Published};
+use crate::jobs::store::blobs::Content;
 use crate::problem::Problem;
 
 /// A file that the job left.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}/results/{name}", tag = "jobs",
     params(
-        ("id" = String, Path, description = "The job's id", format = "uuid"),
+        IdParam,
         ("name" = String, Path, description = "model.glb, thickness.json, thickness.csv or points.csv"),
         ("If-None-Match" = Option<String>, Header, description = "An ETag that the client has"),
         ("Range" = Option<String>, Header, description = "One range of bytes")
@@ -53,7 +54,7 @@ pub async fn result(
 ) -> Result<Response<Body>, ApiError> {
     let published = jobs.result(&allowed.caller, id, &name).await?;
     let answer = serve(&jobs, &published, &headers).await?;
-    jobs.record(&allowed.caller, Action::ReadResult, Some(id), published.code());
+    jobs.record(&allowed.caller, Action::ReadResult, Some(id), published.code()).await;
     Ok(answer)
 }
 
@@ -64,7 +65,7 @@ pub async fn result(
 #[utoipa::path(
     get, path = "/v1/jobs/{id}/result", tag = "jobs",
     params(
-        ("id" = String, Path, description = "The job's id", format = "uuid"),
+        IdParam,
         ("Accept" = Option<String>, Header, description = "Media types wanted")
     ),
     responses(
@@ -115,22 +116,14 @@ fn preferred(accept: &str) -> Option<&'static str> {
     best.map(|(name, _)| name)
 }
 
-/// `type/subtype;q=0.5`.
-pub fn media_range(text: &str) -> (&str, f32) {
-    let mut parts = text.split(';').map(str::trim);
-    let range = parts.next().unwrap_or_default();
-    let weight = parts.find_map(|part| part.strip_prefix("q=")).and_then(|q| q.parse().ok()).unwrap_or(1.0);
-    (range, weight)
-}
-
 async fn serve(jobs: &Jobs, published: &Published, headers: &HeaderMap) -> Result<Response<Body>, ApiError> {
-    let Published { id, token, file } = published;
+    let file = &published.file;
     let etag = format!("\"{}\"", file.sha256);
     let answer = Response::builder()
         .header(ETAG, &etag)
         .header(CACHE_CONTROL, "private, max-age=31536000, immutable")
         .header(ACCEPT_RANGES, "bytes");
-    if header(headers, IF_NONE_MATCH).is_some_and(|list| matches(list, &etag)) {
+    if has_it(headers, &etag) {
         return finish(answer.status(StatusCode::NOT_MODIFIED), Body::empty());
     }
     let range = match asked_range(headers, &etag, file.bytes) {
@@ -138,23 +131,8 @@ async fn serve(jobs: &Jobs, published: &Published, headers: &HeaderMap) -> Resul
         Asked::Whole => None,
         Asked::Part(first, last) => Some((first, last + 1)),
     };
-    let content = jobs.blobs().read_checked(*id, token, file).await.map_err(JobsError::Files)?;
-    let content = content.ok_or_else(|| {
-        jobs.metrics().damaged();
-        tracing::error!(job = %id, name = file.name, "a result is not what was published");
-        JobsError::ResultDamaged
-    })?;
     let (first, end) = range.unwrap_or((0, file.bytes));
-    let body = match content {
-        Content::Bytes(bytes) => {
-            let at = |place: u64| usize::try_from(place).unwrap_or(usize::MAX).min(bytes.len());
-            Body::from(bytes.slice(at(first)..at(end)))
-        }
-        Content::Stored => {
-            let stream = jobs.blobs().read_range((*id, token, &file.name), (first, end)).await;
-            Body::from_stream(stream.map_err(JobsError::Files)?)
-        }
-    };
+    let body = checked_body(jobs, published, (first, end)).await?;
     let mut answer = answer
         .header(CONTENT_TYPE, &file.media_type)
         .header(CONTENT_LENGTH, end - first)
@@ -166,12 +144,28 @@ async fn serve(jobs: &Jobs, published: &Published, headers: &HeaderMap) -> Resul
     finish(answer, body)
 }
 
-fn finish(answer: axum::http::response::Builder, body: Body) -> Result<Response<Body>, ApiError> {
-    answer.body(body).map_err(|_| Problem::internal().into())
+/// Bytes `first` to before `end`, once the whole file was found to be what was published.
+async fn checked_body(jobs: &Jobs, published: &Published, (first, end): (u64, u64)) -> Result<Body, ApiError> {
+    let Published { id, token, file } = published;
+    match jobs.blobs().read_checked(*id, token, file).await.map_err(JobsError::Files)? {
+        Some(Content::Bytes(bytes)) => {
+            let at = |place: u64| usize::try_from(place).unwrap_or(usize::MAX).min(bytes.len());
+            Ok(Body::from(bytes.slice(at(first)..at(end))))
+        }
+        Some(Content::Stored) => {
+            let stream = jobs.blobs().read_range((*id, token, &file.name), (first, end)).await;
+            Ok(Body::from_stream(stream.map_err(JobsError::Files)?))
+        }
+        None => {
+            jobs.metrics().damaged();
+            tracing::error!(job = %id, name = file.name, "a result is not what was published");
+            Err(JobsError::ResultDamaged.into())
+        }
+    }
 }
 
-pub fn matches(list: &str, etag: &str) -> bool {
-    list.split(',').map(|tag| tag.trim().trim_start_matches("W/")).any(|tag| tag == "*" || tag == etag)
+fn finish(answer: axum::http::response::Builder, body: Body) -> Result<Response<Body>, ApiError> {
+    answer.body(body).map_err(|_| Problem::internal().into())
 }
 
 /// What part of a file is wanted.
@@ -247,12 +241,5 @@ mod tests {
         ] {
             assert_eq!(preferred(accept), name, "{accept}");
         }
-    }
-
-    #[test]
-    fn a_list_of_etags_is_searched() {
-        assert!(matches("\"a\", W/\"b\"", "\"b\""));
-        assert!(matches("*", "\"b\""));
-        assert!(!matches("\"a\"", "\"b\""));
     }
 }

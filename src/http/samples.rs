@@ -8,7 +8,7 @@ use axum::Json;
 use axum::body::Bytes;
 use axum::extract::Path;
 use axum::extract::rejection::PathRejection;
-use axum::http::header::{CACHE_CONTROL, CONTENT_DISPOSITION, CONTENT_TYPE, ETAG, IF_NONE_MATCH};
+use axum::http::header::{CACHE_CONTROL, CONTENT_DISPOSITION, CONTENT_TYPE, ETAG};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
 use nalgebra::Rotation3;
@@ -18,9 +18,8 @@ use tokio::sync::Semaphore;
 
 use super::auth::{Allowed, Read, TokenProblems, TooManyRequests};
 use super::error::{ApiError, PROBLEM_JSON};
-use super::extract::header;
+use super::extract::has_it;
 use super::params_schema::BytesSchema;
-use super::results::matches;
 use crate::formats::{hex, nifti_write};
 use crate::problem::Problem;
 use crate::samples;
@@ -92,7 +91,7 @@ pub async fn sample(
     let file = file(&name).await?;
     // Another version of the program may make another file.
     let known = [(ETAG, file.etag.as_str()), (CACHE_CONTROL, "private, max-age=3600")];
-    if header(&headers, IF_NONE_MATCH).is_some_and(|list| matches(list, &file.etag)) {
+    if has_it(&headers, &file.etag) {
         return Ok((StatusCode::NOT_MODIFIED, known).into_response());
     }
     let disposition = format!("attachment; filename=\"{name}.nii.gz\"");

@@ -17,7 +17,8 @@ use tokio::time::{sleep, timeout};
 use super::auth::Access;
 use super::router;
 use crate::config::{ConnectionLimits, ServeConfig};
-use crate::jobs::queue::{Jobs, OpenError};
+use crate::jobs::place::{OpenError, Place};
+use crate::jobs::service::Jobs;
 use crate::jobs::worker::{Processor, Workers};
 use crate::webhook::{Sender, SenderError};
 
@@ -47,7 +48,7 @@ pub async fn run(
     shutdown: impl Future<Output = ()>,
 ) -> Result<(), RunError> {
     let webhooks = config.webhooks.clone().map(Sender::new).transpose()?;
-    let jobs = Arc::new(Jobs::open(&config.data_dir, config.jobs, webhooks).await?);
+    let jobs = Arc::new(Jobs::open(&Place::at(&config.data_dir), config.jobs, webhooks).await?);
     let workers = Workers::start(&jobs, processor, config.workers);
     let is_local = listener.local_addr().is_ok_and(|address| address.ip().is_loopback());
     let router = router(jobs, Access { cors_origins: config.cors_origins.clone(), is_local });

@@ -4,17 +4,17 @@ use std::collections::BTreeMap;
 use std::future::Future;
 use std::io;
 use std::mem::take;
+use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::task::{Poll, ready};
+use std::task::{Context, Poll, ready};
 
-use axum::body::{Body, Bytes};
+use axum::body::{Body, BodyDataStream, Bytes};
 use axum::extract::multipart::{Field, Multipart, MultipartError};
 use axum::extract::{DefaultBodyLimit, FromRequest, Request};
 use axum::http::header::{CACHE_CONTROL, CONTENT_ENCODING, CONTENT_LENGTH, CONTENT_TYPE};
 use axum::http::{HeaderMap, HeaderName};
-use futures_util::StreamExt;
-use futures_util::stream::poll_fn;
+use futures_util::{Stream, StreamExt};
 use tokio::time::timeout;
 
 use super::error::{ApiError, too_large};
@@ -23,7 +23,7 @@ use super::params_schema::SubmitQuery;
 use crate::formats::params_json::MAX_BYTES as MAX_TEXT_BYTES;
 use crate::jobs::caller::Caller;
 use crate::jobs::job::RequestedParams;
-use crate::jobs::queue::Jobs;
+use crate::jobs::service::Jobs;
 use crate::jobs::submission::Submission;
 use crate::jobs::token::{MAX_NAME, is_name};
 use crate::jobs::upload::{self, Received, UploadError};
@@ -217,28 +217,51 @@ fn refuse_large(headers: &HeaderMap, max_bytes: u64, is_form: bool) -> Result<u6
 fn bounded(mut request: Request, understood: Arc<AtomicU64>) -> Request {
     DefaultBodyLimit::disable().apply(&mut request);
     request.map(|body| {
-        let (mut chunks, mut rest) = (body.into_data_stream(), Bytes::new());
-        let (mut passed, mut is_pause_due) = (0, false);
-        Body::from_stream(poll_fn(move |context| {
-            if take(&mut is_pause_due) {
-                context.waker().wake_by_ref();
-                return Poll::Pending;
-            }
-            if rest.is_empty() {
-                match ready!(chunks.poll_next_unpin(context)) {
-                    Some(Ok(chunk)) => rest = chunk,
-                    Some(Err(error)) => return Poll::Ready(Some(Err(io::Error::other(error)))),
-                    None => return Poll::Ready(None),
-                }
-            }
-            let piece = rest.split_to(rest.len().min(FORM_PIECE_BYTES));
-            is_pause_due = true;
-            passed += piece.len() as u64;
-            let backlog = passed.saturating_sub(understood.load(Ordering::Relaxed));
-            let is_bounded = backlog <= FORM_BACKLOG_BYTES;
-            Poll::Ready(Some(if is_bounded { Ok(piece) } else { Err(io::ErrorKind::InvalidData.into()) }))
-        }))
+        let chunks = body.into_data_stream();
+        Body::from_stream(Pieces { chunks, rest: Bytes::new(), passed: 0, is_pause_due: false, understood })
     })
+}
+
+/// A body in pieces, after each of which the parser gets time to look at it.
+struct Pieces {
+    chunks: BodyDataStream,
+    /// Of the last chunk.
+    rest: Bytes,
+    /// Bytes given to the parser.
+    passed: u64,
+    is_pause_due: bool,
+    /// Bytes that the parser has let go of.
+    understood: Arc<AtomicU64>,
+}
+
+impl Stream for Pieces {
+    type Item = io::Result<Bytes>;
+
+    fn poll_next(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Option<io::Result<Bytes>>> {
+        if take(&mut self.is_pause_due) {
+            context.waker().wake_by_ref();
+            return Poll::Pending;
+        }
+        if self.rest.is_empty() {
+            match ready!(self.chunks.poll_next_unpin(context)) {
+                Some(Ok(chunk)) => self.rest = chunk,
+                Some(Err(error)) => return Poll::Ready(Some(Err(io::Error::other(error)))),
+                None => return Poll::Ready(None),
+            }
+        }
+        Poll::Ready(Some(self.next_piece()))
+    }
+}
+
+impl Pieces {
+    fn next_piece(&mut self) -> io::Result<Bytes> {
+        let length = self.rest.len().min(FORM_PIECE_BYTES);
+        let piece = self.rest.split_to(length);
+        self.is_pause_due = true;
+        self.passed += piece.len() as u64;
+        let backlog = self.passed.saturating_sub(self.understood.load(Ordering::Relaxed));
+        if backlog <= FORM_BACKLOG_BYTES { Ok(piece) } else { Err(io::ErrorKind::InvalidData.into()) }
+    }
 }
 
 fn broken_form(error: &MultipartError) -> ApiError {

@@ -12,7 +12,7 @@ use axum::response::Response;
 use tracing::{Instrument, info_span};
 
 use crate::formats::hex;
-use crate::jobs::queue::Jobs;
+use crate::jobs::service::Jobs;
 
 /// Trace of a request: 32 hexadecimal digits.
 #[derive(Clone, Debug, PartialEq, Eq)]

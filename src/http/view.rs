@@ -7,8 +7,9 @@ use serde_json::value::RawValue;
 
 use super::params_schema::ParamsSchema;
 use crate::jobs::job::{Callback, CallbackState, CallbackTry, Job, JobState, JobWarning, MaskInfo, ResultFile};
-use crate::jobs::queue::JobStatus;
+use crate::jobs::moves::Cause;
 use crate::jobs::running::Progress;
+use crate::jobs::service::JobStatus;
 use crate::problem::Problem;
 
 /// A job.
@@ -32,7 +33,7 @@ pub struct JobView {
     /// UUIDv7; ids ascend in order of arrival.
     #[schema(format = "uuid")]
     id: String,
-    /// Where the job stands. `succeeded`, `failed` and `canceled` are for ever.
+    /// Where the job stands. `succeeded` is for ever; `failed` and `canceled` are until it is run again.
     state: JobState,
     /// How far the run is; null unless running.
     #[schema(required)]
@@ -190,8 +191,8 @@ impl From<JobStatus> for JobView {
         let JobStatus { job, progress, queue_position } = status;
         let Job { id, state, attempt, cancel_requested, mask, params_json, .. } = job;
         let itself = format!("/v1/jobs/{id}");
-        let cancel = (!state.has_ended()).then(|| format!("{itself}/cancel"));
-        let is_retryable = matches!(state, JobState::Failed | JobState::Canceled) && job.is_mask_kept;
+        let cancel = state.after(Cause::Cancel).map(|_| format!("{itself}/cancel"));
+        let is_retryable = state.after(Cause::Retry).is_some() && job.is_mask_kept;
         let retry = is_retryable.then(|| format!("{itself}/retry"));
         Self {
             id: id.to_string(),

@@ -4,25 +4,24 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::io::Write;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::io::{self, Write};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use axum::Extension;
 use axum::body::{Body, Bytes};
 use axum::http::header::{
-    ACCEPT, ACCEPT_ENCODING, CACHE_CONTROL, CONTENT_ENCODING, CONTENT_SECURITY_POLICY, CONTENT_TYPE, ETAG,
-    IF_NONE_MATCH, VARY,
+    ACCEPT, ACCEPT_ENCODING, CACHE_CONTROL, CONTENT_ENCODING, CONTENT_SECURITY_POLICY, CONTENT_TYPE, ETAG, VARY,
 };
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, Response, StatusCode, Uri};
 use axum::response::IntoResponse;
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use rust_embed::RustEmbed;
+use tokio::task::spawn_blocking;
 
 use super::error;
-use super::extract::header;
+use super::extract::{has_it, header, media_range};
 use super::ops::INDEX;
-use super::results::{matches, media_range};
 use crate::formats::hex;
 
 /// The file behind `/`; it has no other path.
@@ -52,7 +51,8 @@ const NOT_BUILT: &str = "\
 </html>
 ";
 
-/// Release builds hold the files, others read them where they were built.
+/// Release builds hold the files, and their hashes; others, those of who works on the program, read them where
+/// they were built.
 #[derive(RustEmbed)]
 #[folder = "web/dist"]
 struct Dist;
@@ -95,7 +95,7 @@ impl Page {
     }
 
     /// A file as an answer to a request with these headers; `vary` are those that it depends on.
-    fn answer(&self, name: &str, file: PageFile, asked: &HeaderMap, vary: &'static str) -> Response<Body> {
+    async fn answer(&self, name: &str, file: PageFile, asked: &HeaderMap, vary: &'static str) -> Response<Body> {
         // Weak, because it is the same whether compressed or not.
         let tag = format!("\"{}\"", hex(&file.sha256));
         let mut answer = Response::default();
@@ -105,7 +105,7 @@ impl Page {
         headers.insert(VARY, HeaderValue::from_static(vary));
         headers.insert(CACHE_CONTROL, HeaderValue::from_static("no-cache"));
         headers.insert(CONTENT_SECURITY_POLICY, HeaderValue::from_static(POLICY));
-        if header(asked, IF_NONE_MATCH).is_some_and(|list| matches(list, &tag)) {
+        if has_it(asked, &tag) {
             *answer.status_mut() = StatusCode::NOT_MODIFIED;
             return answer;
         }
@@ -113,24 +113,37 @@ impl Page {
         let is_text = media_type.type_() == mime_guess::mime::TEXT || media_type.suffix().is_some();
         let media_type = if is_text { format!("{media_type}; charset=utf-8") } else { media_type.to_string() };
         headers.insert(CONTENT_TYPE, HeaderValue::from_str(&media_type).expect("media types are ASCII"));
-        let body = if is_text && takes_gzip(asked) {
-            headers.insert(CONTENT_ENCODING, HeaderValue::from_static("gzip"));
-            Body::from(self.gzipped(&file))
-        } else {
-            Body::from(file.bytes)
+        let compressed = if is_text && takes_gzip(asked) { self.gzipped(&file).await } else { None };
+        *answer.body_mut() = match compressed {
+            Some(bytes) => {
+                answer.headers_mut().insert(CONTENT_ENCODING, HeaderValue::from_static("gzip"));
+                Body::from(bytes)
+            }
+            None => Body::from(file.bytes),
         };
-        *answer.body_mut() = body;
         answer
     }
 
-    fn gzipped(&self, file: &PageFile) -> Bytes {
-        let mut known = self.gzipped.lock().unwrap_or_else(PoisonError::into_inner);
-        let compressed = known.entry(file.sha256).or_insert_with(|| {
-            let mut gzip = GzEncoder::new(Vec::new(), Compression::default());
-            gzip.write_all(&file.bytes).and_then(|()| gzip.finish()).expect("memory takes every write").into()
-        });
-        compressed.clone()
+    /// The file compressed, by whoever asks for it first; `None` when that was not possible.
+    async fn gzipped(&self, file: &PageFile) -> Option<Bytes> {
+        if let Some(known) = self.compressed().get(&file.sha256) {
+            return Some(known.clone());
+        }
+        let (bytes, sha256) = (file.bytes.clone(), file.sha256);
+        let made = spawn_blocking(move || gzip(&bytes)).await.ok()?.ok()?;
+        Some(self.compressed().entry(sha256).or_insert(made).clone())
     }
+
+    fn compressed(&self) -> MutexGuard<'_, BTreeMap<[u8; 32], Bytes>> {
+        // Nothing panics while it is held.
+        self.gzipped.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+fn gzip(bytes: &[u8]) -> io::Result<Bytes> {
+    let mut gzip = GzEncoder::new(Vec::new(), Compression::default());
+    gzip.write_all(bytes)?;
+    Ok(gzip.finish()?.into())
 }
 
 /// The page, to who asks for text/html; to others a short text that says what is where.
@@ -147,7 +160,7 @@ pub async fn front(Extension(page): Extension<Page>, headers: HeaderMap) -> Resp
         return ([(VARY, "Accept")], INDEX).into_response();
     }
     match page.file(FRONT) {
-        Some(file) => page.answer(FRONT, file, &headers, "Accept, Accept-Encoding"),
+        Some(file) => page.answer(FRONT, file, &headers, "Accept, Accept-Encoding").await,
         None => ([(VARY, "Accept"), (CONTENT_TYPE, "text/html; charset=utf-8")], NOT_BUILT).into_response(),
     }
 }
@@ -162,7 +175,7 @@ pub async fn file(
     let is_read = method == Method::GET || method == Method::HEAD;
     let name = uri.path().strip_prefix('/').filter(|name| is_read && *name != FRONT);
     match name.and_then(|name| Some((name, page.file(name)?))) {
-        Some((name, file)) => Ok(page.answer(name, file, &headers, "Accept-Encoding")),
+        Some((name, file)) => Ok(page.answer(name, file, &headers, "Accept-Encoding").await),
         None => Err(error::no_such_route(&uri)),
     }
 }

@@ -6,9 +6,9 @@ use std::time::Duration;
 use jiff::Timestamp;
 use tokio::time::{Interval, MissedTickBehavior, interval};
 
-use super::queue::{Jobs, OpenError};
-use super::store::{Reclaim, StoreError};
-use super::worker::LEASE;
+use super::place::OpenError;
+use super::service::Jobs;
+use super::store::{LEASE, Reclaim, StoreError};
 
 /// How often leases are extended.
 const HEARTBEAT: Duration = Duration::from_secs(10);
@@ -20,7 +20,7 @@ pub(super) async fn extend(jobs: Arc<Jobs>) {
     let mut ticks = every(HEARTBEAT);
     loop {
         ticks.tick().await;
-        for running in jobs.all_running() {
+        for running in jobs.running().all() {
             match jobs.store().extend(&running.lease, Timestamp::now() + LEASE).await {
                 Ok(()) => {}
                 Err(StoreError::StaleLease) => running.stop(),
@@ -47,7 +47,7 @@ pub(super) async fn watch(jobs: Arc<Jobs>) {
 
 async fn stop_unwanted(jobs: &Jobs) -> Result<(), StoreError> {
     // First what runs, then what may: a run that begins in between is not looked at.
-    let running = jobs.all_running();
+    let running = jobs.running().all();
     if running.is_empty() {
         return Ok(());
     }

@@ -12,7 +12,7 @@ use tokio_util::task::TaskTracker;
 use uuid::Builder;
 
 use super::job::{CallbackTry, Job};
-use super::queue::Jobs;
+use super::service::Jobs;
 use super::store::{CallbackNext, DueCallback};
 use crate::webhook::{Message, SendError, Sender, next_try_after};
 

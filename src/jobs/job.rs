@@ -37,8 +37,8 @@ impl fmt::Display for JobId {
     }
 }
 
-/// Where a job stands. Legal moves: queued → running, canceled; running → succeeded, failed,
-/// canceled, and back to queued when its worker is gone. The last three are for ever.
+/// Where a job stands. A queued one is run or canceled; one that runs ends, or is queued again when its
+/// worker is gone; a failed or canceled one is queued again when its client asks for it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum JobState {
@@ -76,7 +76,7 @@ impl JobState {
         Self::ALL.into_iter().find(|state| state.name() == name)
     }
 
-    /// Whether nothing more will happen.
+    /// Whether nothing more will happen by itself.
     #[must_use]
     pub fn has_ended(self) -> bool {
         matches!(self, Self::Succeeded | Self::Failed | Self::Canceled)
@@ -265,4 +265,13 @@ pub struct Job {
     pub are_results_kept: bool,
     /// Whom to tell of its end.
     pub callback: Option<Callback>,
+}
+
+impl Job {
+    /// The results that are still there, and the attempt that made them.
+    #[must_use]
+    pub fn kept_results(&self) -> Option<(&str, &[ResultFile])> {
+        let token = self.results_token.as_deref().filter(|_| self.are_results_kept)?;
+        Some((token, &self.results))
+    }
 }

@@ -9,17 +9,24 @@
 //! Beside the workers: `beat` keeps leases and sees whose worker is gone, `retention` erases
 //! what is old, `callbacks` sends webhooks. Several processes may share one data directory.
 //!
-//! Knows no HTTP. The row is the truth: a file that no row names does not exist for anybody, and
-//! is swept.
+//! The row is the truth: a file that no row names does not exist for anybody, and is swept. A row
+//! moves from state to state as the table in [`moves`] says and in no other way. [`place`] says where
+//! rows and files lie; nothing else names a database.
+//!
+//! Knows no request and no web framework. What clients see goes through here in two forms: a job
+//! that failed is kept with its problem object ([`crate::problem`], whose status is one of HTTP), and
+//! types that they see as they are derive their description.
 
 use std::fs::DirBuilder;
 use std::io;
 use std::os::unix::fs::DirBuilderExt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 pub mod process;
 
 pub mod job;
+
+pub mod moves;
 
 pub mod expected;
 
@@ -27,21 +34,25 @@ pub mod caller;
 
 pub mod token;
 
+mod blocking;
+
 pub mod store;
 
-pub mod sqlite;
-
-pub mod blobs;
-
-pub mod instance;
+pub mod place;
 
 pub mod upload;
+
+pub mod limits;
+
+pub mod error;
 
 pub mod changes;
 
 pub mod running;
 
-pub mod queue;
+pub mod service;
+
+mod upkeep;
 
 pub mod submission;
 
@@ -59,10 +70,4 @@ mod callbacks;
 /// When it cannot be made.
 pub fn make_private(folder: &Path) -> io::Result<()> {
     DirBuilder::new().recursive(true).mode(0o700).create(folder)
-}
-
-/// Where the audit log of a data directory lies.
-#[must_use]
-pub fn audit_path(data_dir: &Path) -> PathBuf {
-    data_dir.join("audit").join("audit.jsonl")
 }

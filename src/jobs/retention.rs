@@ -7,8 +7,9 @@ use jiff::Timestamp;
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
 use super::caller::Caller;
+use super::error::JobsError;
 use super::job::JobId;
-use super::queue::{Jobs, JobsError};
+use super::service::Jobs;
 use crate::audit::Action;
 
 /// How often it is looked what is due.
@@ -80,7 +81,7 @@ async fn erase_due(jobs: &Jobs) -> Result<(), JobsError> {
     for (what, time) in [(What::Jobs, keep.jobs), (What::Results, keep.results), (What::Masks, keep.masks)] {
         while let Some(before) = long_ago(time) {
             let due = what.mark(jobs, before).await?;
-            tell(jobs, what.name(), &due);
+            tell(jobs, what.name(), &due).await;
             for id in &due {
                 what.erase(jobs, *id).await?;
             }
@@ -98,9 +99,9 @@ fn long_ago(time: Option<Duration>) -> Option<Timestamp> {
 }
 
 /// Before the files go: the rows have gone already, and who stops the server now finds it written.
-fn tell(jobs: &Jobs, what: &'static str, due: &[JobId]) {
+async fn tell(jobs: &Jobs, what: &'static str, due: &[JobId]) {
     for id in due {
-        jobs.record(&Caller::default(), Action::Expire, Some(*id), what);
+        jobs.record(&Caller::default(), Action::Expire, Some(*id), what).await;
     }
     if !due.is_empty() {
         tracing::info!(what, count = due.len(), "erased: kept long enough");

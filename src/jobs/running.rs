@@ -1,12 +1,14 @@
-//! A job that runs in this process: hears its progress and can stop it.
+//! Jobs that run in this process: hears of their progress and can stop them.
 
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use tokio_util::sync::CancellationToken;
 
 use super::changes::Changes;
+use super::job::JobId;
 use super::store::Lease;
 use crate::cancel::Cancel;
 use crate::model::Stage;
@@ -118,18 +120,66 @@ impl Running {
     }
 
     pub(super) fn progress(&self) -> Progress {
-        self.progress.lock().unwrap_or_else(PoisonError::into_inner).last
+        self.told().last
+    }
+
+    fn told(&self) -> MutexGuard<'_, Told> {
+        // Nothing panics while it is held.
+        self.progress.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// All that run in this process.
+#[derive(Debug, Default)]
+pub(super) struct RunningJobs {
+    by_id: Mutex<BTreeMap<JobId, Arc<Running>>>,
+}
+
+impl RunningJobs {
+    pub(super) fn begin(&self, running: Running) -> Arc<Running> {
+        let running = Arc::new(running);
+        self.by_id().insert(running.lease.id, Arc::clone(&running));
+        running
+    }
+
+    /// A job that was taken away and came back is another run, which stays.
+    pub(super) fn end(&self, running: &Running) {
+        let mut jobs = self.by_id();
+        if jobs.get(&running.lease.id).is_some_and(|other| other.lease == running.lease) {
+            jobs.remove(&running.lease.id);
+        }
+        running.ended.cancel();
+    }
+
+    pub(super) fn get(&self, id: JobId) -> Option<Arc<Running>> {
+        self.by_id().get(&id).cloned()
+    }
+
+    pub(super) fn all(&self) -> Vec<Arc<Running>> {
+        self.by_id().values().cloned().collect()
+    }
+
+    /// Stops a job if it runs here.
+    pub(super) fn stop(&self, id: JobId) {
+        if let Some(running) = self.get(id) {
+            running.stop();
+        }
+    }
+
+    fn by_id(&self) -> MutexGuard<'_, BTreeMap<JobId, Arc<Running>>> {
+        // Nothing panics while it is held; a poisoned map would still be whole.
+        self.by_id.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl Observer for Running {
     fn progress(&self, structure: usize, structures: usize, stage: Stage, fraction: f64) {
-        self.progress.lock().unwrap_or_else(PoisonError::into_inner).tell(structure, structures, stage, fraction);
+        self.told().tell(structure, structures, stage, fraction);
         self.changes.step(self.lease.id);
     }
 
     fn repeated(&self, structure: usize, structures: usize, done: usize, repeats: usize) {
-        self.progress.lock().unwrap_or_else(PoisonError::into_inner).tell_repeat(structure, structures, done, repeats);
+        self.told().tell_repeat(structure, structures, done, repeats);
         self.changes.step(self.lease.id);
     }
 }

@@ -1,18 +1,19 @@
 //! Takes a mask in: checked, stored, and its row written, or answered from what is there already.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use jiff::Timestamp;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 use tokio::task::spawn_blocking;
-use uuid::Uuid;
 
 use super::caller::Caller;
+use super::error::JobsError;
 use super::expected::expected;
-use super::job::{Job, JobId, MaskInfo, RequestedParams};
-use super::queue::{JobStatus, Jobs, JobsError};
-use super::store::{Inserted, NewJob, Reused};
+use super::job::{Job, JobId, RequestedParams};
+use super::service::{JobStatus, Jobs};
+use super::store::{Inserted, NewJob, Reused, new_token};
 use super::upload::{Received, preflight};
 use crate::audit::Action;
 use crate::formats::hex;
@@ -52,7 +53,8 @@ impl Submission {
     }
 }
 
-/// Each part is followed by its length, so that no two lists are written alike.
+/// Each part is followed by its length, so that no two lists are written alike. They are short: parameters and
+/// labels of at most 64 KiB.
 fn hashed(parts: &[&str]) -> String {
     let mut hash = Sha256::new();
     for part in parts {
@@ -94,48 +96,67 @@ impl Jobs {
     /// When the file is refused, the queue is full, the key was used for something else, or storage
     /// fails; nothing is left then.
     pub async fn submit(&self, caller: &Caller, submission: Submission) -> Result<Accepted, JobsError> {
+        let accepted = self.accept(caller, &submission).await;
+        // Last: whoever gives up waiting here has a job that is recorded.
+        submission.upload.forget().await;
+        accepted
+    }
+
+    async fn accept(&self, caller: &Caller, submission: &Submission) -> Result<Accepted, JobsError> {
+        let new = self.new_job(caller, submission).await?;
+        match self.keep(&new, &submission.upload.file).await? {
+            Inserted::New => self.begin_to_wait(caller, &new).await,
+            Inserted::Known(id) => Ok(Accepted { status: self.status(caller, id).await?, is_replay: true }),
+        }
+    }
+
+    /// What is to be kept of a submission.
+    async fn new_job(&self, caller: &Caller, submission: &Submission) -> Result<NewJob, JobsError> {
         let (id, now) = (JobId::now(), Timestamp::now());
         let (file, limits) = (submission.upload.file.to_path_buf(), self.limits().input);
         let header = spawn_blocking(move || preflight(&file, limits)).await?.map_err(JobsError::Refused)?;
-        let MaskInfo { bytes, .. } = submission.upload.mask;
-        let new = NewJob {
+        let mask = &submission.upload.mask;
+        Ok(NewJob {
             id,
             owner: caller.tenant.clone(),
             request_sha256: submission.request_sha256(),
             work_sha256: submission.work_sha256(),
-            expected: expected(&header, bytes, submission.params.checked()),
-            reused: self.reuse(caller, &submission, id).await?,
-            mask: submission.upload.mask,
+            expected: expected(&header, mask.bytes, submission.params.checked()),
+            reused: self.reuse(caller, submission, id).await?,
+            mask: mask.clone(),
             params_json: submission.params.json().to_owned(),
-            labels: submission.labels,
-            idempotency_key: submission.idempotency_key,
-            callback_url: submission.callback_url,
+            labels: submission.labels.clone(),
+            idempotency_key: submission.idempotency_key.clone(),
+            callback_url: submission.callback_url.clone(),
             trace_id: caller.trace_id.clone(),
             created_at: now,
+        })
+    }
+
+    /// Mask first, row then; leaves no file of a job that is not new.
+    async fn keep(&self, new: &NewJob, file: &Path) -> Result<Inserted, JobsError> {
+        let inserted = match self.blobs().keep_mask(file, new.id).await {
+            Ok(()) => self.store().insert(new, self.queue_limits(&new.owner)).await.map_err(JobsError::Store),
+            Err(error) => Err(JobsError::Files(error)),
         };
-        let inserted = async {
-            self.blobs().keep_mask(&submission.upload.file, id).await?;
-            Ok::<_, JobsError>(self.store().insert(&new, self.queue_limits(&caller.tenant)).await?)
-        };
-        let inserted = inserted.await;
         if !matches!(inserted, Ok(Inserted::New))
-            && let Err(error) = self.blobs().erase(id).await
+            && let Err(error) = self.blobs().erase(new.id).await
         {
-            tracing::error!(job = %id, %error, "files of a refused job cannot be removed; they are swept later");
+            tracing::error!(job = %new.id, %error, "files of a refused job cannot be removed; they are swept later");
         }
-        if let Inserted::Known(known) = inserted? {
-            return Ok(Accepted { status: self.status(caller, known).await?, is_replay: true });
-        }
+        inserted
+    }
+
+    async fn begin_to_wait(&self, caller: &Caller, new: &NewJob) -> Result<Accepted, JobsError> {
         let is_reused = new.reused.is_some();
-        tracing::info!(job = %id, bytes, is_reused, "job accepted");
-        self.record(caller, Action::Submit, Some(id), if is_reused { "reused" } else { "accepted" });
+        tracing::info!(job = %new.id, bytes = new.mask.bytes, is_reused, "job accepted");
         self.metrics().accepted(is_reused);
+        self.wake_one();
+        self.record(caller, Action::Submit, Some(new.id), if is_reused { "reused" } else { "accepted" }).await;
         if is_reused {
-            self.has_ended(id).await;
-        } else {
-            self.wake_one();
+            self.has_ended(new.id).await;
         }
-        Ok(Accepted { status: self.status(caller, id).await?, is_replay: false })
+        Ok(Accepted { status: self.status(caller, new.id).await?, is_replay: false })
     }
 
     /// Takes over the results of equal work, copied so that each job can be deleted by itself.
@@ -147,7 +168,7 @@ impl Jobs {
         let Some(Job { id: from, results, warnings, results_token: Some(from_token), .. }) = equal else {
             return Ok(None);
         };
-        let token = Uuid::now_v7().hyphenated().to_string();
+        let token = new_token();
         match self.blobs().copy_results((from, &from_token), (id, &token), &results).await {
             Ok(()) => Ok(Some(Reused { token, results, warnings, program: PROGRAM.to_owned() })),
             // Deleted in this moment, say: then it is computed again.

@@ -1,8 +1,9 @@
 //! Receives a mask: streamed to disk, counted, hashed and sniffed on the way, so that memory
 //! stays the size of one chunk and a refusal comes as early as the bytes allow.
 
+use std::fs::File;
 use std::future::Future;
-use std::io;
+use std::io::{self, Write};
 use std::path::Path;
 use std::time::Duration;
 
@@ -10,12 +11,12 @@ use bytes::Bytes;
 use futures_util::{Stream, StreamExt};
 use sha2::{Digest, Sha256};
 use tempfile::TempPath;
-use tokio::io::AsyncWriteExt;
 use tokio::time::{Instant, timeout, timeout_at};
 
-use super::blobs::Blobs;
+use super::blocking::on_own_thread;
 use super::job::MaskInfo;
 use super::process::InputLimits;
+use super::store::blobs::Blobs;
 use crate::formats::nifti::{HeaderFacts, MAGIC_BYTES, check_header, check_magic};
 use crate::formats::{ReadError, hex};
 use crate::problem::Problem;
@@ -68,13 +69,28 @@ pub enum UploadError {
     Storage(#[from] io::Error),
 }
 
-/// An upload on disk, synced, not yet a job's; the file vanishes when this is dropped.
+/// An upload on disk, synced, not yet a job's; the file vanishes when this is dropped, but see [`Self::forget`].
 #[derive(Debug)]
 pub struct Received {
     /// The file.
     pub file: TempPath,
     /// What it is.
     pub mask: MaskInfo,
+}
+
+impl Received {
+    /// Removes the file, where nobody waits for the disk.
+    pub async fn forget(self) {
+        remove(self.file).await;
+    }
+}
+
+/// A large file is not removed at once.
+async fn remove(file: TempPath) {
+    let removed = on_own_thread(move || file.close()).await;
+    if let Err(error) = removed {
+        tracing::error!(%error, "an upload cannot be removed; it is swept later");
+    }
 }
 
 /// Writes `body` to a new file among the incoming ones.
@@ -85,33 +101,37 @@ pub async fn receive<S, E>(blobs: &Blobs, limits: UploadLimits, mut body: S) -> 
 where
     S: Stream<Item = Result<Bytes, E>> + Unpin,
 {
-    let received = receive_all(blobs, limits, &mut body).await;
-    if matches!(received, Err(UploadError::TooLarge { .. } | UploadError::Refused(_))) {
-        discard(&mut body).await;
+    let blobs = blobs.clone();
+    let (to, file) = on_own_thread(move || blobs.begin_upload()).await?.into_parts();
+    let received = receive_all(to, limits, &mut body).await;
+    match received {
+        Ok(mask) => Ok(Received { file, mask }),
+        Err(error) => {
+            remove(file).await;
+            if matches!(error, UploadError::TooLarge { .. } | UploadError::Refused(_)) {
+                discard(&mut body).await;
+            }
+            Err(error)
+        }
     }
-    received
 }
 
-async fn receive_all<S, E>(blobs: &Blobs, limits: UploadLimits, body: &mut S) -> Result<Received, UploadError>
+async fn receive_all<S, E>(to: File, limits: UploadLimits, body: &mut S) -> Result<MaskInfo, UploadError>
 where
     S: Stream<Item = Result<Bytes, E>> + Unpin,
 {
-    let (file, path) = blobs.begin_upload()?.into_parts();
-    let mut file = tokio::fs::File::from_std(file);
-    let mut progress = Incoming::default();
+    let mut incoming = Incoming { file: to, head: Vec::new(), bytes: 0, hash: Sha256::new() };
     let begun = Instant::now();
     while let Some(chunk) = next_chunk(body, limits.idle, begun + limits.total).await? {
-        progress.take(&chunk, limits.max_bytes)?;
+        incoming.look_at(&chunk, limits.max_bytes)?;
         let took = begun.elapsed();
-        if took > PATIENCE && progress.bytes < limits.bytes_per_second.saturating_mul(took.as_secs()) {
+        if took > PATIENCE && incoming.bytes < limits.bytes_per_second.saturating_mul(took.as_secs()) {
             return Err(UploadError::TooSlow);
         }
-        file.write_all(&chunk).await?;
+        incoming = on_own_thread(move || incoming.write(&chunk)).await?;
     }
-    let mask = progress.finish()?;
-    file.flush().await?;
-    file.sync_all().await?;
-    Ok(Received { file: path, mask })
+    incoming.check_whole()?;
+    Ok(on_own_thread(move || incoming.finish()).await?)
 }
 
 async fn next_chunk<S, E>(body: &mut S, idle: Duration, deadline: Instant) -> Result<Option<Bytes>, UploadError>
@@ -145,15 +165,15 @@ where
 }
 
 /// What came so far.
-#[derive(Default)]
 struct Incoming {
+    file: File,
     head: Vec<u8>,
     bytes: u64,
     hash: Sha256,
 }
 
 impl Incoming {
-    fn take(&mut self, chunk: &[u8], max_bytes: u64) -> Result<(), UploadError> {
+    fn look_at(&mut self, chunk: &[u8], max_bytes: u64) -> Result<(), UploadError> {
         self.bytes += chunk.len() as u64;
         if self.bytes > max_bytes {
             return Err(UploadError::TooLarge { limit: max_bytes });
@@ -164,15 +184,26 @@ impl Incoming {
                 self.check_magic()?;
             }
         }
-        self.hash.update(chunk);
         Ok(())
     }
 
-    fn finish(self) -> Result<MaskInfo, UploadError> {
+    /// Blocks.
+    fn write(mut self, chunk: &[u8]) -> io::Result<Self> {
+        self.hash.update(chunk);
+        self.file.write_all(chunk)?;
+        Ok(self)
+    }
+
+    fn check_whole(&self) -> Result<(), UploadError> {
         if self.bytes == 0 {
             return Err(UploadError::Empty);
         }
-        self.check_magic()?;
+        self.check_magic()
+    }
+
+    /// Blocks.
+    fn finish(self) -> io::Result<MaskInfo> {
+        self.file.sync_all()?;
         Ok(MaskInfo { sha256: hex(&self.hash.finalize()), bytes: self.bytes })
     }
 

@@ -8,19 +8,21 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use futures_util::FutureExt;
-use jiff::{SignedDuration, Timestamp};
+use jiff::Timestamp;
 use tokio::task::{JoinHandle, JoinSet, spawn_blocking};
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 use tokio_util::sync::CancellationToken;
 use tracing::{Instrument, info_span};
 
-use super::blobs::LocalMask;
+use super::blocking::on_own_thread;
 use super::caller::Caller;
+use super::error::JobsError;
 use super::job::{Job, JobWarning, RequestedParams, ResultFile};
 use super::process::{Artifact, InputLimits, ProcessError, Processed, sha256_of_file};
-use super::queue::{Jobs, JobsError};
 use super::running::Running;
-use super::store::{Claim, Outcome, StoreError};
+use super::service::Jobs;
+use super::store::blobs::LocalMask;
+use super::store::{Claim, LEASE, Outcome, StoreError};
 use super::submission::PROGRAM;
 use super::{beat, callbacks, retention};
 use crate::audit::Action;
@@ -29,8 +31,6 @@ use crate::params::CheckedParams;
 use crate::pipeline::observer::Observer;
 use crate::problem::Problem;
 
-/// How long a silent worker keeps its job. Three heartbeats, so that one may be lost.
-pub(super) const LEASE: SignedDuration = SignedDuration::from_secs(30);
 /// How often an idle worker looks for jobs though nobody woke it: another process may have taken
 /// them in.
 const IDLE_POLL: Duration = Duration::from_secs(1);
@@ -90,13 +90,13 @@ impl Workers {
                 break;
             }
         }
-        for running in self.jobs.all_running() {
+        for running in self.jobs.running().all() {
             let released = self.jobs.store().release(&running.lease, Timestamp::now()).await;
             tracing::info!(job = %running.lease.id, is_released = released.is_ok(), "job put back: the server stops");
             running.stop();
         }
         let let_go = async {
-            while !self.jobs.all_running().is_empty() {
+            while !self.jobs.running().all().is_empty() {
                 sleep(Duration::from_millis(20)).await;
             }
         };
@@ -107,7 +107,7 @@ impl Workers {
             // Once it has ended, so has its hold on the data directory.
             let _ = task.await;
         }
-        self.jobs.record(&Caller::default(), Action::Stopped, None, "ok");
+        self.jobs.record(&Caller::default(), Action::Stopped, None, "ok").await;
         self.jobs.store().close().await;
     }
 }
@@ -189,7 +189,7 @@ async fn end_or_let_go(jobs: Arc<Jobs>, ran: Ran) {
     let running = Arc::clone(&ran.running);
     if AssertUnwindSafe(end(Arc::clone(&jobs), ran)).catch_unwind().await.is_err() {
         tracing::error!("the job was not ended; its lease runs out");
-        jobs.end(&running);
+        jobs.running().end(&running);
     }
 }
 
@@ -205,7 +205,7 @@ async fn end(jobs: Arc<Jobs>, ran: Ran) {
     }
     let is_written = finish(&jobs, &running, &outcome).await;
     clean_up(&jobs, &running, &outcome, is_written).await;
-    jobs.end(&running);
+    jobs.running().end(&running);
     if is_written {
         jobs.has_ended(lease.id).await;
     }
@@ -276,7 +276,7 @@ impl Attempt {
             }
             Err(ProcessError::Cancelled) => Outcome::Canceled,
             Err(ProcessError::Problem(problem)) => {
-                if problem.status >= 500 {
+                if problem.is_our_fault() {
                     tracing::error!(code = problem.code, "the run failed through our fault");
                 }
                 Outcome::Failed(problem)
@@ -342,12 +342,12 @@ async fn finish(jobs: &Jobs, running: &Running, outcome: &Outcome) -> bool {
 async fn clean_up(jobs: &Jobs, running: &Running, outcome: &Outcome, is_written: bool) {
     let lease = running.lease.clone();
     let (blobs, token) = (jobs.blobs().clone(), lease.token.clone());
-    let scratch = spawn_blocking(move || blobs.end_attempt(&token)).await;
+    let scratch = on_own_thread(move || blobs.end_attempt(&token)).await;
     let erased = async {
-        scratch??;
+        scratch?;
         match outcome {
             Outcome::Succeeded { .. } if is_written => return Ok(()),
-            Outcome::Failed(problem) if is_written && problem.status < 500 => jobs.forget_mask(lease.id).await,
+            Outcome::Failed(problem) if is_written && !problem.is_our_fault() => jobs.forget_mask(lease.id).await,
             _ => {}
         }
         if matches!(jobs.store().get(lease.id).await, Ok(None)) {

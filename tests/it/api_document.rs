@@ -6,6 +6,7 @@ use medialrep::http::openapi_yaml;
 use serde_json::{Value, json};
 
 use crate::support::{Server, mask};
+use crate::tidy::sources;
 
 const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/openapi.yaml");
 
@@ -126,14 +127,13 @@ fn codes() -> Vec<String> {
         let body = text.split("fn code(&self)").nth(1).unwrap().split("\n    }\n").next().unwrap().to_owned();
         codes.extend(body.split('"').skip(1).step_by(2).map(str::to_owned));
     }
-    for folder in ["src", "src/http", "src/jobs", "src/jobs/sqlite", "src/formats"] {
-        for entry in std::fs::read_dir(format!("{}/{folder}", env!("CARGO_MANIFEST_DIR"))).unwrap() {
-            let path = entry.unwrap().path();
-            let text = if path.is_file() { std::fs::read_to_string(path).unwrap() } else { String::new() };
-            for call in ["Problem::new(", "busy(", "unauthorized("] {
-                let made = text.split(call).skip(1).filter_map(|rest| rest.split(')').next()?.split('"').nth(1));
-                codes.extend(made.map(str::to_owned));
-            }
+    for (path, text) in sources("src") {
+        if path.components().any(|part| part.as_os_str() == "cli") {
+            continue;
+        }
+        for call in ["Problem::new(", "busy(", "unauthorized("] {
+            let made = text.split(call).skip(1).filter_map(|rest| rest.split(')').next()?.split('"').nth(1));
+            codes.extend(made.map(str::to_owned));
         }
     }
     codes

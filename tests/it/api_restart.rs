@@ -7,7 +7,8 @@ use std::time::{Duration, Instant};
 use jiff::{SignedDuration, Timestamp};
 use medialrep::jobs::caller::Caller;
 use medialrep::jobs::job::{JobId, JobState};
-use medialrep::jobs::queue::Jobs;
+use medialrep::jobs::place::Place;
+use medialrep::jobs::service::Jobs;
 use medialrep::jobs::store::{Outcome, Reclaim};
 use medialrep::jobs::worker::{Processor, Workers};
 use medialrep::problem::Problem;
@@ -97,7 +98,7 @@ async fn files_that_no_job_names_are_swept() {
 async fn servers_that_share_a_folder_share_its_jobs() {
     let gate = Arc::new(AtomicBool::new(false));
     let first = Server::start(waits(&gate)).await;
-    let second = Arc::new(Jobs::open(first.dir.path(), limits(), None).await.unwrap());
+    let second = Arc::new(Jobs::open(&Place::at(first.dir.path()), limits(), None).await.unwrap());
     let caller = Caller::default();
     let job = first.submit().await;
     first.job_in(&job, "running").await;
@@ -131,7 +132,7 @@ async fn a_late_result_is_refused_and_swept() {
     // Its lease runs out, as when the process was stopped, and another one finishes first.
     let later = Timestamp::now() + SignedDuration::from_secs(60);
     slow.jobs.store().reclaim(Reclaim::LeaseBefore(later), Timestamp::now()).await.unwrap();
-    let other = Arc::new(Jobs::open(slow.dir.path(), limits(), None).await.unwrap());
+    let other = Arc::new(Jobs::open(&Place::at(slow.dir.path()), limits(), None).await.unwrap());
     let until = Timestamp::now() + SignedDuration::from_secs(60);
     let claim = other.store().claim("other", Timestamp::now(), until).await.unwrap();
     gate.store(true, Ordering::Relaxed);

@@ -8,7 +8,8 @@ use jiff::{SignedDuration, Timestamp};
 use medialrep::jobs::job::{
     CallbackState, CallbackTry, Job, JobId, JobState, JobWarning, MaskInfo, RequestedParams, ResultFile,
 };
-use medialrep::jobs::sqlite::SqliteStore;
+use medialrep::jobs::moves::Cause;
+use medialrep::jobs::place::Place;
 use medialrep::jobs::store::{
     CallbackNext, CancelAnswer, Held, Inserted, Lease, ListQuery, MAX_ATTEMPTS, NewJob, Outcome, QueueLimits, Reclaim,
     RetryAnswer, Reused, Store, StoreError,
@@ -19,11 +20,11 @@ use tempfile::TempDir;
 
 const LEASE: SignedDuration = SignedDuration::from_secs(30);
 
-/// The one place that names a database: all that follows holds for any.
+/// The one place that opens a store: all that follows holds for any.
 async fn store() -> (TempDir, Arc<dyn Store>) {
     let dir = TempDir::new().unwrap();
-    let store = SqliteStore::open(&dir.path().join("jobs.sqlite")).await.unwrap();
-    (dir, Arc::new(store))
+    let store = Place::at(dir.path()).open_store().await.unwrap();
+    (dir, store)
 }
 
 const LIMITS: QueueLimits = QueueLimits { jobs: 1000, bytes: 1 << 30, share_percent: 100 };
@@ -75,6 +76,10 @@ fn succeeded() -> Outcome {
     let file = ResultFile { name: "a".into(), media_type: "b/c".into(), bytes: 1, sha256: "d".into() };
     let warnings = vec![JobWarning { code: "e".into(), message: "f".into() }];
     Outcome::Succeeded { results: vec![file], warnings, program: "1".into() }
+}
+
+fn failed() -> Outcome {
+    Outcome::Failed(Box::new(Problem::internal()))
 }
 
 #[tokio::test]
@@ -349,7 +354,7 @@ async fn what_failed_or_was_canceled_can_be_run_again() {
     let id = insert(&*store).await;
     assert_eq!(store.retry(id, now, LIMITS).await.unwrap(), RetryAnswer::NotRetryable(JobState::Queued));
     let lease = claim(&*store).await.unwrap();
-    store.finish(&lease, &Outcome::Failed(Box::new(Problem::internal())), now).await.unwrap();
+    store.finish(&lease, &failed(), now).await.unwrap();
     assert!(matches!(store.retry(id, now, QueueLimits { jobs: 0, ..LIMITS }).await, Err(StoreError::QueueFull)));
     assert_eq!(store.retry(id, now, LIMITS).await.unwrap(), RetryAnswer::Queued);
     let job = get(&*store, id).await;
@@ -358,6 +363,109 @@ async fn what_failed_or_was_canceled_can_be_run_again() {
     store.forget_mask(id).await.unwrap();
     assert_eq!(store.retry(id, now, LIMITS).await.unwrap(), RetryAnswer::MaskErased);
     assert_eq!(store.retry(JobId::now(), now, LIMITS).await.unwrap(), RetryAnswer::NotFound);
+}
+
+/// A new job, brought to this state, and the lease of its last run.
+async fn job_in(store: &dyn Store, state: JobState) -> (JobId, Lease) {
+    let id = insert(store).await;
+    let mut lease = Lease { id, token: "none".to_owned() };
+    if !matches!(state, JobState::Queued | JobState::Canceled) {
+        lease = claim(store).await.unwrap();
+    }
+    let now = Timestamp::now();
+    match state {
+        JobState::Queued | JobState::Running => {}
+        JobState::Succeeded => store.finish(&lease, &succeeded(), now).await.unwrap(),
+        JobState::Failed => store.finish(&lease, &failed(), now).await.unwrap(),
+        JobState::Canceled => assert_eq!(store.cancel(id, now).await.unwrap(), CancelAnswer::Canceled),
+    }
+    (id, lease)
+}
+
+/// Does what is the cause of a move, whether it is legal or not.
+async fn bring_about(store: &dyn Store, cause: Cause, lease: &Lease) {
+    let now = Timestamp::now();
+    match cause {
+        Cause::Claim => drop(claim(store).await),
+        Cause::Cancel => drop(store.cancel(lease.id, now).await.unwrap()),
+        Cause::Succeed => drop(store.finish(lease, &succeeded(), now).await),
+        Cause::Fail => drop(store.finish(lease, &failed(), now).await),
+        Cause::Stop => drop(store.finish(lease, &Outcome::Canceled, now).await),
+        Cause::Release => drop(store.release(lease, now).await),
+        Cause::Lose => drop(store.reclaim(Reclaim::Instance("here"), now).await.unwrap()),
+        Cause::LoseOften | Cause::LoseUnwanted | Cause::Reuse => unreachable!("brought about below"),
+        Cause::Retry => drop(store.retry(lease.id, now, LIMITS).await.unwrap()),
+    }
+}
+
+#[tokio::test]
+async fn jobs_move_as_the_table_says_and_not_otherwise() {
+    let (_dir, store) = store().await;
+    for cause in Cause::ALL {
+        if matches!(cause, Cause::LoseOften | Cause::LoseUnwanted | Cause::Reuse) {
+            continue;
+        }
+        for before in JobState::ALL {
+            let (id, lease) = job_in(&*store, before).await;
+            bring_about(&*store, cause, &lease).await;
+            let job = get(&*store, id).await;
+            assert_eq!(job.state, before.after(cause).unwrap_or(before), "{cause:?} of a job that was {before:?}");
+            assert_eq!(job.history.last().unwrap().state, job.state, "{cause:?} of a job that was {before:?}");
+            assert_eq!(job.ended_at.is_some(), job.state.has_ended(), "{cause:?} of a job that was {before:?}");
+            store.delete(id).await.unwrap();
+        }
+    }
+}
+
+#[tokio::test]
+async fn a_job_whose_worker_is_lost_moves_as_the_table_says() {
+    let (_dir, store) = store().await;
+    let often = insert(&*store).await;
+    for _ in 0..MAX_ATTEMPTS {
+        claim(&*store).await.unwrap();
+        store.reclaim(Reclaim::Instance("here"), Timestamp::now()).await.unwrap();
+    }
+    assert_eq!(Some(state(&*store, often).await), JobState::Running.after(Cause::LoseOften));
+    let unwanted = insert(&*store).await;
+    claim(&*store).await.unwrap();
+    store.cancel(unwanted, Timestamp::now()).await.unwrap();
+    store.reclaim(Reclaim::Instance("here"), Timestamp::now()).await.unwrap();
+    assert_eq!(Some(state(&*store, unwanted).await), JobState::Running.after(Cause::LoseUnwanted));
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 4)]
+async fn of_many_retries_at_once_one_queues_the_job_and_none_takes_it_from_its_worker() {
+    let (_dir, store) = store().await;
+    for round in 0..20 {
+        let (id, _) = job_in(&*store, JobState::Failed).await;
+        let mut retries = Vec::new();
+        for _ in 0..4 {
+            let store = Arc::clone(&store);
+            retries.push(tokio::spawn(async move { store.retry(id, Timestamp::now(), LIMITS).await.unwrap() }));
+        }
+        while claim(&*store).await.is_none() {
+            tokio::task::yield_now().await;
+        }
+        let mut queued = 0;
+        for retry in retries {
+            queued += usize::from(retry.await.unwrap() == RetryAnswer::Queued);
+        }
+        let job = get(&*store, id).await;
+        assert_eq!((queued, job.state, job.attempt), (1, JobState::Running, 1), "round {round}");
+        assert!(claim(&*store).await.is_none(), "round {round}");
+        store.delete(id).await.unwrap();
+    }
+}
+
+#[tokio::test]
+async fn a_job_that_is_retried_needs_room_for_itself_only() {
+    let (_dir, store) = store().await;
+    let (id, _) = job_in(&*store, JobState::Failed).await;
+    insert(&*store).await;
+    let (full, room) = (QueueLimits { jobs: 1, ..LIMITS }, QueueLimits { jobs: 2, bytes: 14, ..LIMITS });
+    assert!(matches!(store.retry(id, Timestamp::now(), full).await, Err(StoreError::QueueFull)));
+    assert_eq!(state(&*store, id).await, JobState::Failed);
+    assert_eq!(store.retry(id, Timestamp::now(), room).await.unwrap(), RetryAnswer::Queued);
 }
 
 #[tokio::test]

@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use axum::body::{Body, Bytes};
 use axum::http::Request;
 use futures_util::stream;
+use medialrep::jobs::place::Place;
 
 use crate::support::{CANARY, Server, id_of, logged, mask, writes};
 
@@ -65,9 +66,8 @@ async fn what_was_accepted_is_on_disk() {
     let job = server.submit().await;
     assert_eq!(std::fs::read(server.mask_of(&job)).unwrap(), mask());
     // Opened anew as another process would, without closing the first.
-    let path = medialrep::jobs::blobs::Blobs::database_path(server.dir.path());
-    let store = medialrep::jobs::sqlite::SqliteStore::open(&path).await.unwrap();
-    let kept = medialrep::jobs::store::RetentionStore::kept_files(&store).await.unwrap();
+    let store = Place::at(server.dir.path()).open_store().await.unwrap();
+    let kept = store.kept_files().await.unwrap();
     assert_eq!(kept[0].id.to_string(), id_of(&job));
 }
 

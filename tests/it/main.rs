@@ -26,6 +26,8 @@ mod jobs_process;
 
 mod jobs_blobs;
 
+mod jobs_versions;
+
 mod cli_run;
 
 mod phantoms;

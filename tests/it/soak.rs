@@ -9,10 +9,8 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use medialrep::jobs::blobs::Blobs;
 use medialrep::jobs::job::{Job, JobId};
-use medialrep::jobs::sqlite::SqliteStore;
-use medialrep::jobs::store::JobStore;
+use medialrep::jobs::place::Place;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -53,7 +51,7 @@ fn small_mask(dir: &Path) -> Vec<u8> {
 fn jobs_of(data: &Path, ids: &BTreeSet<String>) -> Vec<Option<Job>> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     runtime.block_on(async {
-        let store = SqliteStore::open(&Blobs::database_path(data)).await.unwrap();
+        let store = Place::at(data).open_store().await.unwrap();
         let mut jobs = Vec::new();
         for id in ids {
             jobs.push(store.get(JobId::parse(id.rsplit('/').next().unwrap()).unwrap()).await.unwrap());

@@ -225,7 +225,7 @@ impl SmallDisk {
     fn fill(&self, left: u64) {
         let _ = std::fs::remove_file(self.0.join("filler"));
         let mut filler = std::fs::File::create(self.0.join("filler")).unwrap();
-        let free = medialrep::jobs::blobs::free_bytes(&self.0).unwrap();
+        let free = medialrep::jobs::store::blobs::free_bytes(&self.0).unwrap();
         let block = vec![1; 4096];
         for _ in 0..free.saturating_sub(left) / 4096 {
             if filler.write_all(&block).is_err() {

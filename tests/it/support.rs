@@ -13,8 +13,10 @@ use medialrep::config::ServeConfig;
 use medialrep::http::auth::Access;
 use medialrep::http::web::{Page, PageFile};
 use medialrep::http::{router, router_with_page};
+use medialrep::jobs::limits::JobLimits;
+use medialrep::jobs::place::Place;
 use medialrep::jobs::process::{Artifact, ProcessError, Processed};
-use medialrep::jobs::queue::{JobLimits, Jobs};
+use medialrep::jobs::service::Jobs;
 use medialrep::jobs::worker::{Processor, Workers};
 use medialrep::model::{Stage, Warning};
 use medialrep::problem::Problem;
@@ -66,7 +68,7 @@ impl Server {
     /// With other bounds, and webhooks.
     pub async fn open_with(dir: TempDir, limits: JobLimits, webhooks: Option<Sender>) -> Self {
         keep_log();
-        let jobs = Arc::new(Jobs::open(dir.path(), limits, webhooks).await.unwrap());
+        let jobs = Arc::new(Jobs::open(&Place::at(dir.path()), limits, webhooks).await.unwrap());
         Self { router: router(Arc::clone(&jobs), access()), workers: None, jobs, dir }
     }
 

@@ -26,18 +26,20 @@ use object_store::path::Path as Key;
 use object_store::{GetOptions, GetRange, GetResultPayload, ObjectStore, ObjectStoreExt};
 use sha2::{Digest, Sha256};
 use tempfile::{NamedTempFile, TempPath};
+use tokio::fs::File;
 use tokio::io::{AsyncWriteExt, BufReader};
-use tokio::task::spawn_blocking;
+use tokio::runtime::Handle;
 
-use super::job::{Job, JobId, ResultFile};
-use super::process::sha256_of_file;
-use super::store::KeptFiles;
+use super::KeptFiles;
 use crate::formats::hex;
+use crate::jobs::blocking::on_own_thread;
+use crate::jobs::job::{Job, JobId, ResultFile};
+use crate::jobs::make_private;
+use crate::jobs::process::sha256_of_file;
 
 const SCRATCH: &str = "scratch";
 const MASKS: &str = "masks";
 const RESULTS: &str = "results";
-const DATABASE: &str = "db";
 /// Files up to this size are read once: checked or stored, then sent, from memory.
 const IN_MEMORY_BYTES: u64 = 8 << 20;
 /// How much is read ahead of a file that is copied.
@@ -80,15 +82,13 @@ pub enum Content {
 }
 
 impl Blobs {
-    /// Makes the folders that are missing, readable by nobody else: masks are patient data.
+    /// Makes the folders that are missing, readable by nobody else: masks are patient data. Blocks.
     ///
     /// # Errors
     /// When a folder cannot be made.
     pub fn open(root: &Path, instance: &str) -> io::Result<Self> {
         let scratch = root.join(SCRATCH).join(instance);
-        for folder in [root, &root.join(DATABASE), &scratch] {
-            super::make_private(folder)?;
-        }
+        make_private(&scratch)?;
         Ok(Self { scratch, ..Self::beside(root)? })
     }
 
@@ -107,12 +107,6 @@ impl Blobs {
     #[must_use]
     pub fn stored_in(self, store: Arc<dyn ObjectStore>) -> Self {
         Self { store, ..self }
-    }
-
-    /// Where a store that is a file lies.
-    #[must_use]
-    pub fn database_path(root: &Path) -> PathBuf {
-        root.join(DATABASE).join("jobs.sqlite")
     }
 
     /// A file for an upload; it vanishes when dropped. Blocks.
@@ -140,8 +134,9 @@ impl Blobs {
         if let GetResultPayload::File(_, path) = &found.payload {
             return Ok(LocalMask::Stored(path.clone()));
         }
-        let (file, path) = self.begin_upload()?.into_parts();
-        let mut file = tokio::fs::File::from_std(file);
+        let blobs = self.clone();
+        let (file, path) = on_own_thread(move || blobs.begin_upload()).await?.into_parts();
+        let mut file = File::from_std(file);
         let mut chunks = found.into_stream();
         while let Some(chunk) = chunks.try_next().await.map_err(io_error)? {
             file.write_all(&chunk).await?;
@@ -156,7 +151,7 @@ impl Blobs {
     /// When it cannot be made.
     pub fn begin_attempt(&self, token: &str) -> io::Result<PathBuf> {
         let folder = self.scratch.join(token);
-        super::make_private(&folder)?;
+        make_private(&folder)?;
         Ok(folder)
     }
 
@@ -207,13 +202,13 @@ impl Blobs {
         if file.bytes <= IN_MEMORY_BYTES {
             let bytes = found.bytes().await.map_err(io_error)?;
             let hashed = bytes.clone();
-            let hash = spawn_blocking(move || hex(&Sha256::digest(&hashed))).await?;
+            let hash = on_own_thread(move || Ok(hex(&Sha256::digest(&hashed)))).await?;
             return Ok((hash == file.sha256).then_some(Content::Bytes(bytes)));
         }
         let mut chunks = found.into_stream();
         let mut hash = Sha256::new();
         while let Some(chunk) = chunks.try_next().await.map_err(io_error)? {
-            hash = spawn_blocking(move || hash.chain_update(&chunk)).await?;
+            hash = on_own_thread(move || Ok(hash.chain_update(&chunk))).await?;
         }
         Ok((hex(&hash.finalize()) == file.sha256).then_some(Content::Stored))
     }
@@ -235,8 +230,8 @@ impl Blobs {
     /// Whether the mask of a job is there and is what was sent.
     pub async fn is_mask_whole(&self, job: &Job) -> bool {
         let Ok(mask) = self.local_mask(job.id).await else { return false };
-        let hash = spawn_blocking(move || sha256_of_file(mask.path())).await;
-        matches!(hash, Ok(Ok(hash)) if hash == job.mask.sha256)
+        let hash = on_own_thread(move || sha256_of_file(mask.path())).await;
+        hash.is_ok_and(|hash| hash == job.mask.sha256)
     }
 
     /// Copies a mask into another data directory; `false` when it is not there.
@@ -310,9 +305,8 @@ impl Blobs {
     ///
     /// # Errors
     /// When one cannot be removed.
-    pub async fn sweep(&self, found: Vec<StoredKey>, kept: &[KeptFiles]) -> io::Result<usize> {
-        let kept: BTreeMap<String, &KeptFiles> = kept.iter().map(|files| (files.id.to_string(), files)).collect();
-        let swept: Vec<_> = found.into_iter().filter(|key| !key.is_kept(&kept)).collect();
+    pub async fn sweep(&self, found: Vec<StoredKey>, kept: Vec<KeptFiles>) -> io::Result<usize> {
+        let swept = on_own_thread(move || Ok(without_kept(found, kept))).await?;
         for key in &swept {
             gone(self.store.delete(&key.0).await.map_err(io_error))?;
         }
@@ -333,6 +327,20 @@ impl Blobs {
         Ok(swept)
     }
 
+    /// Removes the scratch files of all other processes. Blocks.
+    ///
+    /// # Errors
+    /// When they cannot be removed.
+    pub fn sweep_scratch_of_others(&self) -> io::Result<()> {
+        for entry in fs::read_dir(self.root.join(SCRATCH))? {
+            let folder = entry?.path();
+            if folder != self.scratch {
+                gone(fs::remove_dir_all(folder))?;
+            }
+        }
+        Ok(())
+    }
+
     /// Removes the scratch files of a process that is gone. Blocks.
     ///
     /// # Errors
@@ -341,30 +349,21 @@ impl Blobs {
         gone(fs::remove_dir_all(self.root.join(SCRATCH).join(instance)))
     }
 
-    /// Processes that have scratch files. Blocks.
-    ///
-    /// # Errors
-    /// When the folder cannot be read.
-    pub fn instances_with_scratch(&self) -> io::Result<Vec<String>> {
-        let entries = fs::read_dir(self.root.join(SCRATCH))?;
-        entries.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned())).collect()
-    }
-
     /// Fails unless a file can be written and made durable.
     ///
     /// # Errors
     /// When it cannot.
     pub async fn check_writable(&self) -> io::Result<()> {
         let blobs = self.clone();
-        spawn_blocking(move || {
+        on_own_thread(move || {
             let mut file = blobs.begin_upload()?;
             io::Write::write_all(&mut file, b"ready")?;
             file.as_file().sync_all()
         })
-        .await?
+        .await
     }
 
-    /// Room left for files, bytes.
+    /// Room left for files, bytes. A matter of microseconds: it needs no thread of its own.
     ///
     /// # Errors
     /// When the file system does not say.
@@ -373,17 +372,15 @@ impl Blobs {
     }
 
     async fn put(&self, path: &Path, key: &Key) -> io::Result<()> {
-        let file = tokio::fs::File::open(path).await?;
+        let file = File::open(path).await?;
         if file.metadata().await?.len() <= IN_MEMORY_BYTES {
             let content = tokio::fs::read(path).await?;
             self.store.put(key, content.into()).await.map_err(io_error)?;
             return Ok(());
         }
-        let mut from = BufReader::with_capacity(COPY_BUFFER_BYTES, file);
-        let mut to = BufWriter::new(Arc::clone(&self.store), key.clone());
-        // Dropped after an error, it removes what it wrote.
-        tokio::io::copy_buf(&mut from, &mut to).await.map_err(io_error)?;
-        to.shutdown().await.map_err(io_error)
+        let (to, runtime) = (BufWriter::new(Arc::clone(&self.store), key.clone()), Handle::current());
+        // A store in a folder makes its files where it is called, and syncs their folders.
+        on_own_thread(move || runtime.block_on(put_large(file, to))).await
     }
 
     async fn copy_to(&self, other: &Self, key: &Key) -> io::Result<bool> {
@@ -409,12 +406,24 @@ impl Blobs {
     }
 }
 
+async fn put_large(from: File, mut to: BufWriter) -> io::Result<()> {
+    let mut from = BufReader::with_capacity(COPY_BUFFER_BYTES, from);
+    // Dropped after an error, it removes what it wrote.
+    tokio::io::copy_buf(&mut from, &mut to).await.map_err(io_error)?;
+    to.shutdown().await.map_err(io_error)
+}
+
+fn without_kept(found: Vec<StoredKey>, kept: Vec<KeptFiles>) -> Vec<StoredKey> {
+    let kept: BTreeMap<String, KeptFiles> = kept.into_iter().map(|files| (files.id.to_string(), files)).collect();
+    found.into_iter().filter(|key| !key.is_kept(&kept)).collect()
+}
+
 /// Where something is stored.
 #[derive(Clone, Debug)]
 pub struct StoredKey(Key);
 
 impl StoredKey {
-    fn is_kept(&self, kept: &BTreeMap<String, &KeptFiles>) -> bool {
+    fn is_kept(&self, kept: &BTreeMap<String, KeptFiles>) -> bool {
         let parts: Vec<String> = self.0.parts().map(|part| part.as_ref().to_owned()).collect();
         let Some(job) = parts.get(1).and_then(|job| kept.get(job)) else { return false };
         match parts[0].as_str() {

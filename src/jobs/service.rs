@@ -1,122 +1,32 @@
 //! The service's jobs: what a client can do with them, whoever asks.
 
-use std::collections::BTreeMap;
 use std::io;
-use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use jiff::Timestamp;
 use tokio::sync::Notify;
-use tokio::task::{JoinError, spawn_blocking};
 use tokio::time::{Instant, timeout, timeout_at};
 use tokio_util::sync::CancellationToken;
 
-use super::blobs::Blobs;
+use super::blocking::on_own_thread;
 use super::caller::{Caller, OpenRequest, OpenRequests};
 use super::changes::{Changes, RECHECK};
-use super::instance::Instance;
+use super::error::JobsError;
 use super::job::{Job, JobId, JobState, ResultFile};
-use super::process::InputLimits;
-use super::running::{Progress, Running};
-use super::sqlite::SqliteStore;
-use super::store::{CancelAnswer, Lease, ListQuery, QueueLimits, Reclaim, RetryAnswer, Store, StoreError};
-use super::upload::UploadLimits;
+use super::limits::JobLimits;
+use super::place::{OpenError, Place};
+use super::running::{Progress, Running, RunningJobs};
+use super::store::blobs::Blobs;
+use super::store::liveness::Instance;
+use super::store::{CancelAnswer, Lease, ListQuery, QueueLimits, RetryAnswer, Store};
 use crate::audit::{Action, Audit, Entry};
 use crate::metrics::{Metrics, Now};
-use crate::problem::Problem;
 use crate::webhook::Sender;
 
 /// How long a deletion waits for a running job to let go of its files.
 const DELETE_PATIENCE: Duration = Duration::from_secs(5);
-/// How old a file must be that no job names before it is swept while others may be at work.
-const SWEEP_AGE: Duration = Duration::from_secs(3600);
-
-/// What bounds the jobs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct JobLimits {
-    /// What may wait.
-    pub queue: QueueLimits,
-    /// Room on the disk below which nothing is taken in, bytes.
-    pub min_free_bytes: u64,
-    /// Requests of one tenant at the same time; who is not known is many.
-    pub max_requests: usize,
-    /// Longest run of a job.
-    pub max_run: Duration,
-    /// Bounds on an upload.
-    pub upload: UploadLimits,
-    /// Bounds on what a file may unpack to.
-    pub input: InputLimits,
-    /// How long what is kept.
-    pub keep: Retention,
-}
-
-/// How long after the end of a job what is kept of it; `None` is for ever.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Retention {
-    /// The job itself, and all else of it.
-    pub jobs: Option<Duration>,
-    /// Its mask.
-    pub masks: Option<Duration>,
-    /// Its results.
-    pub results: Option<Duration>,
-}
-
-/// Why something was not done with a job.
-#[derive(Debug, thiserror::Error)]
-pub enum JobsError {
-    /// There is no such job, or it is another tenant's.
-    #[error("no such job")]
-    NotFound,
-    /// The job has no result of this name.
-    #[error("no such result")]
-    NoSuchResult {
-        /// The job's state.
-        state: JobState,
-    },
-    /// Its results were erased in time.
-    #[error("the results are erased")]
-    ResultsErased,
-    /// A result on disk is not what was published.
-    #[error("a result is damaged")]
-    ResultDamaged,
-    /// The job has ended and cannot be cancelled.
-    #[error("the job has ended")]
-    AlreadyEnded(JobState),
-    /// The job has not failed and was not canceled.
-    #[error("the job cannot be run again")]
-    NotRetryable(JobState),
-    /// The mask was erased.
-    #[error("the mask is erased")]
-    MaskErased,
-    /// The disk has less room than is to be left free.
-    #[error("the disk is nearly full")]
-    StorageLow,
-    /// The file was refused.
-    #[error("{}", .0.code)]
-    Refused(Box<Problem>),
-    /// The store did not do it.
-    #[error(transparent)]
-    Store(#[from] StoreError),
-    /// A file could not be read or written.
-    #[error("files of jobs: {0}")]
-    Files(#[from] io::Error),
-    /// A task of ours panicked.
-    #[error("a task failed: {0}")]
-    Task(#[from] JoinError),
-}
-
-/// Why the jobs cannot be opened.
-#[derive(Debug, thiserror::Error)]
-pub enum OpenError {
-    /// The directory cannot be used.
-    #[error("the data directory cannot be used: {0}")]
-    Files(#[from] io::Error),
-    /// The database cannot be used.
-    #[error(transparent)]
-    Store(#[from] StoreError),
-}
 
 /// A job with what only this process knows of it.
 #[derive(Clone, Debug)]
@@ -154,14 +64,14 @@ pub struct Jobs {
     blobs: Blobs,
     limits: JobLimits,
     instance: Instance,
-    running: Mutex<BTreeMap<JobId, Arc<Running>>>,
+    running: RunningJobs,
     changes: Arc<Changes>,
     wake: Notify,
     wake_callbacks: Notify,
     workers_alive: AtomicUsize,
     requests: Arc<OpenRequests>,
     closing: CancellationToken,
-    audit: Audit,
+    audit: Arc<Audit>,
     metrics: Metrics,
     webhooks: Option<Sender>,
 }
@@ -172,32 +82,27 @@ impl Jobs {
     ///
     /// # Errors
     /// As [`OpenError`].
-    pub async fn open(data_dir: &Path, limits: JobLimits, webhooks: Option<Sender>) -> Result<Self, OpenError> {
-        super::make_private(data_dir)?;
-        let instance = Instance::begin(data_dir)?;
-        let blobs = Blobs::open(data_dir, instance.id())?;
-        let store: Arc<dyn Store> = Arc::new(SqliteStore::open(&Blobs::database_path(data_dir)).await?);
+    pub async fn open(place: &Place, limits: JobLimits, webhooks: Option<Sender>) -> Result<Self, OpenError> {
+        let begun = place.clone();
+        let (instance, blobs, audit) = on_own_thread(move || begun.begin()).await?;
         let jobs = Self {
-            store,
+            store: place.open_store().await?,
             blobs,
             limits,
             instance,
-            running: Mutex::default(),
+            running: RunningJobs::default(),
             changes: Arc::default(),
             wake: Notify::new(),
             wake_callbacks: Notify::new(),
             workers_alive: AtomicUsize::new(0),
             requests: Arc::default(),
             closing: CancellationToken::new(),
-            audit: Audit::open(&super::audit_path(data_dir))?,
+            audit: Arc::new(audit),
             metrics: Metrics::new(),
             webhooks,
         };
-        let taken_up = jobs.take_up_dead().await?;
-        let age = if jobs.instance.has_company()? { SWEEP_AGE } else { Duration::ZERO };
-        let swept = jobs.sweep(age).await?;
-        tracing::info!(taken_up, swept, "data directory opened");
-        jobs.record(&Caller::default(), Action::Started, None, "ok");
+        jobs.take_over().await?;
+        jobs.record(&Caller::default(), Action::Started, None, "ok").await;
         Ok(jobs)
     }
 
@@ -243,7 +148,7 @@ impl Jobs {
             queued: load.jobs,
             queued_bytes: load.bytes,
             oldest_queued_seconds: waited.max(0.0),
-            running: self.running_jobs().len() as u64,
+            running: self.running.all().len() as u64,
             workers: self.workers_alive.load(Ordering::Relaxed) as u64,
             disk_free_bytes: self.blobs.free_bytes()?,
             disk_min_free_bytes: self.limits.min_free_bytes,
@@ -337,14 +242,14 @@ impl Jobs {
         match self.store.cancel(id, Timestamp::now()).await? {
             CancelAnswer::NotFound => return Err(JobsError::NotFound),
             CancelAnswer::AlreadyEnded(state) => return Err(JobsError::AlreadyEnded(state)),
-            CancelAnswer::Requested => self.running_job(id).iter().for_each(|running| running.stop()),
+            CancelAnswer::Requested => self.running.stop(id),
             CancelAnswer::Canceled => {
                 self.metrics.ended("canceled", "");
                 self.has_ended(id).await;
             }
         }
         tracing::info!(job = %id, "job cancel requested");
-        self.record(caller, Action::Cancel, Some(id), "accepted");
+        self.record(caller, Action::Cancel, Some(id), "accepted").await;
         self.status(caller, id).await
     }
 
@@ -361,7 +266,7 @@ impl Jobs {
             RetryAnswer::Queued => {}
         }
         tracing::info!(job = %id, "job retried");
-        self.record(caller, Action::Retry, Some(id), "accepted");
+        self.record(caller, Action::Retry, Some(id), "accepted").await;
         self.changes.state(id);
         self.wake_one();
         self.status(caller, id).await
@@ -376,14 +281,14 @@ impl Jobs {
         if !self.store.delete(id).await? {
             return Err(JobsError::NotFound);
         }
-        if let Some(running) = self.running_job(id) {
+        if let Some(running) = self.running.get(id) {
             running.stop();
             // A run that does not stop in time erases its own files when it ends.
             let _ = timeout(DELETE_PATIENCE, running.ended.cancelled()).await;
         }
         self.blobs.erase(id).await?;
         tracing::info!(job = %id, "job deleted");
-        self.record(caller, Action::Delete, Some(id), "erased");
+        self.record(caller, Action::Delete, Some(id), "erased").await;
         self.changes.state(id);
         Ok(())
     }
@@ -407,88 +312,13 @@ impl Jobs {
 
     /// Says in the audit log what somebody did. The service goes on when that fails: on a full disk
     /// deleting must still work.
-    pub fn record(&self, caller: &Caller, action: Action, job: Option<JobId>, outcome: &str) {
-        let job = job.map(|id| id.to_string());
-        let entry = Entry {
-            tenant: Some(caller.tenant.as_str()).filter(|tenant| !tenant.is_empty()),
-            token: caller.token.as_deref(),
-            action,
-            job: job.as_deref(),
-            outcome,
-            trace_id: Some(caller.trace_id.as_str()).filter(|id| !id.is_empty()),
-        };
-        if let Err(error) = self.audit.append(&entry) {
+    pub async fn record(&self, caller: &Caller, action: Action, job: Option<JobId>, outcome: &str) {
+        let (audit, caller, outcome) = (Arc::clone(&self.audit), caller.clone(), outcome.to_owned());
+        // Another process may hold the lock of the file.
+        let written = on_own_thread(move || append(&audit, &caller, action, job, &outcome)).await;
+        if let Err(error) = written {
             self.metrics.audit_failed();
             tracing::error!(%error, "the audit log cannot be written");
-        }
-    }
-
-    /// Takes up what processes left that are gone: their jobs wait again, their scratch files go.
-    pub(super) async fn take_up_dead(&self) -> Result<usize, OpenError> {
-        let mut taken_up = 0;
-        for dead in self.instance.dead()? {
-            taken_up += self.reclaim(Reclaim::Instance(&dead)).await?;
-            self.blobs.sweep_scratch(&dead)?;
-            self.instance.bury(&dead);
-        }
-        Ok(taken_up)
-    }
-
-    /// Takes jobs from workers that are gone. Says how many.
-    pub(super) async fn reclaim(&self, which: Reclaim<'_>) -> Result<usize, StoreError> {
-        let taken = self.store.reclaim(which, Timestamp::now()).await?;
-        for (id, state) in &taken {
-            tracing::warn!(job = %id, state = state.name(), "job taken from a worker that is gone");
-            self.metrics.reclaimed();
-            if state.has_ended() {
-                let code = if *state == JobState::Failed { "too_many_attempts" } else { "" };
-                self.metrics.ended(state.name(), code);
-                self.has_ended(*id).await;
-            } else {
-                self.changes.state(*id);
-                self.wake_one();
-            }
-        }
-        Ok(taken.len())
-    }
-
-    /// Removes files older than `age` that no job names. Files first, rows then: what comes between
-    /// is too young.
-    pub(super) async fn sweep(&self, age: Duration) -> Result<usize, OpenError> {
-        let found = self.blobs.older_than(age).await?;
-        let swept = self.blobs.sweep(found, &self.store.kept_files().await?).await?;
-        let blobs = self.blobs.clone();
-        let drafts = spawn_blocking(move || blobs.sweep_drafts(age)).await.map_err(io::Error::from)??;
-        if age.is_zero() {
-            for instance in self.blobs.instances_with_scratch()? {
-                if instance != self.instance.id() {
-                    self.blobs.sweep_scratch(&instance)?;
-                }
-            }
-        }
-        Ok(swept + drafts)
-    }
-
-    pub(super) async fn sweep_old(&self) -> Result<usize, OpenError> {
-        self.sweep(SWEEP_AGE).await
-    }
-
-    /// What is due at the end of every job.
-    pub(super) async fn has_ended(&self, id: JobId) {
-        if self.limits.keep.masks.is_some_and(|time| time.is_zero()) {
-            self.forget_mask(id).await;
-        }
-        self.changes.state(id);
-        self.wake_callbacks.notify_one();
-    }
-
-    pub(super) async fn forget_mask(&self, id: JobId) {
-        let erased = async {
-            self.store.forget_mask(id).await?;
-            Ok::<_, JobsError>(self.blobs.erase_mask(id).await?)
-        };
-        if let Err(error) = erased.await {
-            tracing::error!(job = %id, %error, "a mask cannot be erased; it is tried again later");
         }
     }
 
@@ -510,7 +340,7 @@ impl Jobs {
     }
 
     async fn with_progress(&self, job: Job) -> Result<JobStatus, JobsError> {
-        let progress = self.running_job(job.id).map(|running| running.progress());
+        let progress = self.running.get(job.id).map(|running| running.progress());
         let queue_position = match job.state {
             JobState::Queued => Some(self.store.count_queued_before(job.id).await? + 1),
             _ => None,
@@ -529,6 +359,11 @@ impl Jobs {
         self.wake_callbacks.notified().await;
     }
 
+    /// Wakes who sends webhooks: one may be due.
+    pub(super) fn wake_callbacks(&self) {
+        self.wake_callbacks.notify_one();
+    }
+
     /// Wakes one more worker: there may be a job.
     pub(super) fn wake_one(&self) {
         self.wake.notify_one();
@@ -538,37 +373,32 @@ impl Jobs {
         &self.instance
     }
 
+    /// Says that a run begins in this process.
     pub(super) fn begin(&self, lease: Lease) -> Arc<Running> {
-        let running = Arc::new(Running::new(lease, self.limits.max_run, Arc::clone(&self.changes)));
-        self.running_jobs().insert(running.lease.id, Arc::clone(&running));
+        let running = self.running.begin(Running::new(lease, self.limits.max_run, Arc::clone(&self.changes)));
         self.changes.state(running.lease.id);
         running
     }
 
-    /// A job that was taken away and came back is another run, which stays.
-    pub(super) fn end(&self, running: &Running) {
-        let mut jobs = self.running_jobs();
-        if jobs.get(&running.lease.id).is_some_and(|other| other.lease == running.lease) {
-            jobs.remove(&running.lease.id);
-        }
-        running.ended.cancel();
-    }
-
-    /// All that run in this process.
-    pub(super) fn all_running(&self) -> Vec<Arc<Running>> {
-        self.running_jobs().values().cloned().collect()
+    /// What runs in this process.
+    pub(super) fn running(&self) -> &RunningJobs {
+        &self.running
     }
 
     pub(super) fn workers_alive(&self) -> &AtomicUsize {
         &self.workers_alive
     }
+}
 
-    fn running_job(&self, id: JobId) -> Option<Arc<Running>> {
-        self.running_jobs().get(&id).cloned()
-    }
-
-    fn running_jobs(&self) -> MutexGuard<'_, BTreeMap<JobId, Arc<Running>>> {
-        // Nothing panics while it is held; a poisoned map would still be whole.
-        self.running.lock().unwrap_or_else(PoisonError::into_inner)
-    }
+/// One entry of the audit log. Blocks.
+fn append(audit: &Audit, caller: &Caller, action: Action, job: Option<JobId>, outcome: &str) -> io::Result<()> {
+    let job = job.map(|id| id.to_string());
+    audit.append(&Entry {
+        tenant: Some(caller.tenant.as_str()).filter(|tenant| !tenant.is_empty()),
+        token: caller.token.as_deref(),
+        action,
+        job: job.as_deref(),
+        outcome,
+        trace_id: Some(caller.trace_id.as_str()).filter(|id| !id.is_empty()),
+    })
 }

@@ -1,9 +1,11 @@
 //! What is erased in time. The row comes first: a file that no row names is swept.
 
 use async_trait::async_trait;
+use futures_util::TryStreamExt;
 use jiff::Timestamp;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{Row, Sqlite, SqliteExecutor};
+use tokio::task::consume_budget;
 
 use super::{SqliteStore, rows};
 use crate::jobs::job::JobId;
@@ -43,10 +45,15 @@ impl RetentionStore for SqliteStore {
     }
 
     async fn kept_files(&self) -> Result<Vec<KeptFiles>, StoreError> {
-        let rows = sqlx::query("SELECT id, mask_kept, results_kept, results_token, lease_token FROM jobs")
-            .fetch_all(&self.reader)
-            .await?;
-        rows.iter().map(kept).collect()
+        let mut rows =
+            sqlx::query("SELECT id, mask_kept, results_kept, results_token, lease_token FROM jobs").fetch(&self.reader);
+        let mut all = Vec::new();
+        while let Some(row) = rows.try_next().await? {
+            all.push(kept(&row)?);
+            // There may be very many.
+            consume_budget().await;
+        }
+        Ok(all)
     }
 }
 

@@ -5,6 +5,8 @@
 //! other processes are waited for. Reads have connections of their own. Every change is one
 //! statement or one transaction that begins by taking the write lock.
 
+mod error;
+
 mod rows;
 
 mod jobs;
@@ -30,7 +32,7 @@ use sqlx::sqlite::{
 };
 use sqlx::{Row, SqlSafeStr, Sqlite, Transaction};
 
-use super::store::{Store, StoreError};
+use super::{Store, StoreError};
 
 /// Status polls are short reads; a few connections serve thousands a second.
 const READ_CONNECTIONS: u32 = 4;
@@ -61,34 +63,11 @@ impl SqliteStore {
             // What is deleted is patient data: its bytes are overwritten.
             .pragma("secure_delete", "on");
         let writer = SqlitePoolOptions::new().max_connections(1).connect_with(options.clone()).await?;
-        migrator().run(&writer).await?;
+        let steps = migrator();
+        let known = steps.iter().map(|step| step.version).max().unwrap_or(0);
+        steps.run(&writer).await.map_err(|error| error::of_migration(error, known))?;
         let reader = SqlitePoolOptions::new().max_connections(READ_CONNECTIONS).connect_with(options).await?;
         Ok(Self { writer, reader })
-    }
-
-    /// What SQLite finds wrong with the file; empty when nothing is.
-    ///
-    /// # Errors
-    /// When the file cannot be read.
-    pub async fn check_integrity(&self) -> Result<Vec<String>, StoreError> {
-        let rows = sqlx::query("PRAGMA integrity_check").fetch_all(&self.reader).await?;
-        let mut found = Vec::new();
-        for row in rows {
-            let line: String = row.try_get(0)?;
-            if line != "ok" {
-                found.push(line);
-            }
-        }
-        Ok(found)
-    }
-
-    /// Writes a copy of the whole database as it is now; others may write meanwhile.
-    ///
-    /// # Errors
-    /// When the file is there already or cannot be written.
-    pub async fn copy_to(&self, path: &Path) -> Result<(), StoreError> {
-        sqlx::query("VACUUM INTO $1").bind(path.to_string_lossy().into_owned()).execute(&self.writer).await?;
-        Ok(())
     }
 
     /// The row that a change returns, if it changed one. Asked for one row only, SQLite commits when it is no
@@ -109,9 +88,9 @@ fn migrator() -> Migrator {
         Migration::new(version, name.into(), MigrationType::Simple, sql.into_sql_str(), false)
     };
     Migrator::with_migrations(vec![
-        migration(1, "jobs", include_str!("../../../migrations/sqlite/0001_jobs.sql")),
-        migration(2, "turns", include_str!("../../../migrations/sqlite/0002_turns.sql")),
-        migration(3, "service", include_str!("../../../migrations/sqlite/0003_service.sql")),
+        migration(1, "jobs", include_str!("../../../../migrations/sqlite/0001_jobs.sql")),
+        migration(2, "turns", include_str!("../../../../migrations/sqlite/0002_turns.sql")),
+        migration(3, "service", include_str!("../../../../migrations/sqlite/0003_service.sql")),
     ])
 }
 
@@ -125,6 +104,23 @@ impl Store for SqliteStore {
         .bind(Timestamp::now().as_millisecond())
         .execute(&self.writer)
         .await?;
+        Ok(())
+    }
+
+    async fn check_integrity(&self) -> Result<Vec<String>, StoreError> {
+        let rows = sqlx::query("PRAGMA integrity_check").fetch_all(&self.reader).await?;
+        let mut found = Vec::new();
+        for row in rows {
+            let line: String = row.try_get(0)?;
+            if line != "ok" {
+                found.push(line);
+            }
+        }
+        Ok(found)
+    }
+
+    async fn copy_to(&self, file: &Path) -> Result<(), StoreError> {
+        sqlx::query("VACUUM INTO $1").bind(file.to_string_lossy().into_owned()).execute(&self.writer).await?;
         Ok(())
     }
 

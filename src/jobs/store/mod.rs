@@ -1,21 +1,42 @@
-//! The store: what is kept of jobs and tokens, and who may change it. One trait, [`Store`], so that
-//! the service does not know the database; its parts are traits of their own, so that an
+//! What lasts: rows, files, and the marks of processes that live.
+//!
+//! The store of rows: what is kept of jobs and tokens, and who may change it. One trait, [`Store`],
+//! so that the service does not know the database; its parts are traits of their own, so that an
 //! implementation can be read in parts too. What every implementation promises is tested in one
-//! place, whatever database is behind it.
+//! place, whatever database is behind it. Errors are told by what a caller can do about them.
+
+mod sql;
+
+pub mod sqlite;
+
+pub mod blobs;
+
+pub mod liveness;
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::time::Duration;
 
 use async_trait::async_trait;
-use jiff::Timestamp;
+use jiff::{SignedDuration, Timestamp};
+use uuid::Uuid;
 
-use super::job::{CallbackTry, Job, JobId, JobState, JobWarning, MaskInfo, ResultFile};
-use super::token::StoredToken;
+use crate::jobs::job::{CallbackTry, Job, JobId, JobState, JobWarning, MaskInfo, ResultFile};
+use crate::jobs::moves::Cause;
+use crate::jobs::token::StoredToken;
 use crate::problem::Problem;
 
 /// Runs of one job before it is given up. A job that takes its server down with it would
 /// otherwise do so for ever.
 pub const MAX_ATTEMPTS: u32 = 3;
+
+/// Why a job has failed whose worker was gone that often.
+#[must_use]
+pub fn too_many_attempts() -> Problem {
+    let detail = format!("the job was begun {MAX_ATTEMPTS} times and the server stopped each time");
+    Problem::new(500, "too_many_attempts", detail)
+        .hint("send it once more on its own; if it fails again, the mask is more than this server can take")
+}
 
 /// Why the store did not do what was asked.
 #[derive(Debug, thiserror::Error)]
@@ -32,18 +53,29 @@ pub enum StoreError {
     /// The lease was lost: the job was given to another worker, deleted or ended.
     #[error("the lease is not held any more")]
     StaleLease,
-    /// The database failed.
-    #[error("database: {0}")]
-    Database(#[from] sqlx::Error),
-    /// The tables could not be brought up to date.
-    #[error("database migration: {0}")]
-    Migration(#[from] sqlx::migrate::MigrateError),
-    /// A row holds what this program never writes.
-    #[error("column {column} holds what it never can")]
-    Corrupt {
-        /// Its column.
-        column: &'static str,
+    /// There is no room for more.
+    #[error("the disk has no room for the database")]
+    Full,
+    /// The database cannot be reached, or others keep it locked: later it may work.
+    #[error("the database cannot be used at the moment: {0}")]
+    Unavailable(String),
+    /// The tables are those of a later version of this program.
+    #[error(
+        "the database was made by a later version of this program (its tables are at step {found}, this version knows \
+         {known}): use that version, or a backup made before it"
+    )]
+    Newer {
+        /// A step of its tables that is not known.
+        found: i64,
+        /// The last one that is.
+        known: i64,
     },
+    /// It is damaged, or holds what this program never writes.
+    #[error("the database holds what it never can: {0}")]
+    Corrupt(String),
+    /// Anything else.
+    #[error("database: {0}")]
+    Other(String),
 }
 
 /// A job to be kept.
@@ -143,6 +175,19 @@ pub struct QueueLoad {
     pub own_bytes: u64,
 }
 
+impl QueueLoad {
+    /// The same without one of the tenant's own jobs.
+    #[must_use]
+    pub fn without_own(self, bytes: u64) -> Self {
+        Self {
+            jobs: self.jobs.saturating_sub(1),
+            bytes: self.bytes.saturating_sub(bytes),
+            own_jobs: self.own_jobs.saturating_sub(1),
+            own_bytes: self.own_bytes.saturating_sub(bytes),
+        }
+    }
+}
+
 /// What became of a job to be kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Inserted {
@@ -160,6 +205,15 @@ pub struct Lease {
     pub id: JobId,
     /// Unique for every claim.
     pub token: String,
+}
+
+/// How long a silent worker keeps its job. Three heartbeats, so that one may be lost.
+pub const LEASE: SignedDuration = SignedDuration::from_secs(30);
+
+/// A name that nothing else has.
+#[must_use]
+pub fn new_token() -> String {
+    Uuid::now_v7().hyphenated().to_string()
 }
 
 /// A job that was given to a worker.
@@ -187,6 +241,18 @@ pub enum Outcome {
     Failed(Box<Problem>),
     /// On request.
     Canceled,
+}
+
+impl Outcome {
+    /// As a cause of a move.
+    #[must_use]
+    pub fn cause(&self) -> Cause {
+        match self {
+            Self::Succeeded { .. } => Cause::Succeed,
+            Self::Failed(_) => Cause::Fail,
+            Self::Canceled => Cause::Stop,
+        }
+    }
 }
 
 /// What a request to cancel came to.
@@ -398,6 +464,12 @@ pub trait TokenStore: Send + Sync {
 pub trait Store: JobStore + QueueStore + RetentionStore + CallbackStore + TokenStore {
     /// Fails unless the store can be written to.
     async fn check_writable(&self) -> Result<(), StoreError>;
+
+    /// What the store finds wrong with itself; empty when nothing is.
+    async fn check_integrity(&self) -> Result<Vec<String>, StoreError>;
+
+    /// Writes a copy of all of it as it is now to a file that is not there yet; others may write meanwhile.
+    async fn copy_to(&self, file: &Path) -> Result<(), StoreError>;
 
     /// Puts the store to rest; no call succeeds afterwards.
     async fn close(&self);

@@ -2,11 +2,13 @@
 
 use async_trait::async_trait;
 use jiff::Timestamp;
-use sqlx::{Row, Sqlite, Transaction};
+use sqlx::{AssertSqlSafe, Row, Sqlite, SqliteExecutor, Transaction};
 
 use super::queue::load;
 use super::{SqliteStore, rows};
 use crate::jobs::job::{Job, JobId, JobState};
+use crate::jobs::moves::Cause;
+use crate::jobs::store::sql::{self, MoveSql};
 use crate::jobs::store::{
     CancelAnswer, Inserted, JobStore, ListQuery, NewJob, QueueLimits, RetryAnswer, Reused, StoreError,
 };
@@ -38,9 +40,7 @@ impl JobStore for SqliteStore {
     }
 
     async fn get(&self, id: JobId) -> Result<Option<Job>, StoreError> {
-        let row =
-            sqlx::query("SELECT * FROM jobs WHERE id = $1").bind(id.to_string()).fetch_optional(&self.reader).await?;
-        row.as_ref().map(rows::job).transpose()
+        find(&self.reader, id).await
     }
 
     async fn list(&self, query: &ListQuery) -> Result<Vec<Job>, StoreError> {
@@ -85,16 +85,10 @@ impl JobStore for SqliteStore {
     }
 
     async fn cancel(&self, id: JobId, now: Timestamp) -> Result<CancelAnswer, StoreError> {
-        let canceled = sqlx::query(
-            "UPDATE jobs SET cancel_requested = 1,
-                ended_at_ms = CASE WHEN state = 'queued' THEN CAST($1 AS BIGINT) ELSE NULL END,
-                history = CASE WHEN state = 'queued' THEN history || ' canceled@' || CAST($1 AS TEXT) ELSE history END,
-                callback_state = CASE WHEN state = 'queued' AND callback_url IS NOT NULL THEN 'due'
-                                      ELSE callback_state END,
-                callback_due_ms = CASE WHEN state = 'queued' THEN CAST($1 AS BIGINT) ELSE NULL END,
-                state = CASE WHEN state = 'queued' THEN 'canceled' ELSE state END
-             WHERE id = $2 AND state IN ('queued', 'running') RETURNING state",
-        )
+        let MoveSql { set, from } = sql::moves(Cause::Cancel);
+        let canceled = sqlx::query(AssertSqlSafe(format!(
+            "UPDATE jobs SET {set}, cancel_requested = 1 WHERE id = $2 AND {from} RETURNING state"
+        )))
         .bind(now.as_millisecond())
         .bind(id.to_string());
         match self.change(canceled).await? {
@@ -106,28 +100,20 @@ impl JobStore for SqliteStore {
 
     async fn retry(&self, id: JobId, now: Timestamp, limits: QueueLimits) -> Result<RetryAnswer, StoreError> {
         let mut transaction = self.write().await?;
-        let row = sqlx::query("SELECT * FROM jobs WHERE id = $1");
-        let Some(row) = row.bind(id.to_string()).fetch_optional(&mut *transaction).await? else {
-            return Ok(RetryAnswer::NotFound);
-        };
-        let job = rows::job(&row)?;
-        if !matches!(job.state, JobState::Failed | JobState::Canceled) {
-            return Ok(RetryAnswer::NotRetryable(job.state));
-        }
-        if !job.is_mask_kept {
-            return Ok(RetryAnswer::MaskErased);
-        }
-        limits.check(&load(&mut *transaction, &job.owner).await?, job.mask.bytes)?;
-        sqlx::query(
-            "UPDATE jobs SET state = 'queued', attempt = 0, cancel_requested = 0, error = NULL, started_at_ms = NULL,
-                ended_at_ms = NULL, turn_ms = CAST($1 AS BIGINT), history = history || ' queued@' || CAST($1 AS TEXT),
-                callback_state = CASE WHEN callback_url IS NULL THEN NULL ELSE 'waiting' END, callback_due_ms = NULL
-             WHERE id = $2",
-        )
+        let MoveSql { set, from } = sql::moves(Cause::Retry);
+        let retried = sqlx::query(AssertSqlSafe(format!(
+            "UPDATE jobs SET {set}, attempt = 0, cancel_requested = 0, error = NULL, started_at_ms = NULL,
+                turn_ms = CAST($1 AS BIGINT)
+             WHERE id = $2 AND {from} AND mask_kept = 1 RETURNING owner, mask_bytes"
+        )))
         .bind(now.as_millisecond())
-        .bind(id.to_string())
-        .execute(&mut *transaction)
-        .await?;
+        .bind(id.to_string());
+        let Some(row) = retried.fetch_all(&mut *transaction).await?.pop() else {
+            return Ok(not_retried(find(&mut *transaction, id).await?));
+        };
+        let (owner, bytes) = (row.try_get::<String, _>("owner")?, rows::bytes(&row, "mask_bytes")?);
+        // It waits already, and goes back to where it was when there is no room.
+        limits.check(&load(&mut *transaction, &owner).await?.without_own(bytes), bytes)?;
         transaction.commit().await?;
         Ok(RetryAnswer::Queued)
     }
@@ -140,6 +126,20 @@ impl JobStore for SqliteStore {
             sqlx::query("DELETE FROM jobs WHERE id = $1").bind(id.to_string()).execute(&mut *transaction).await?;
         transaction.commit().await?;
         Ok(deleted.rows_affected() > 0)
+    }
+}
+
+async fn find<'a>(executor: impl SqliteExecutor<'a, Database = Sqlite>, id: JobId) -> Result<Option<Job>, StoreError> {
+    let row = sqlx::query("SELECT * FROM jobs WHERE id = $1").bind(id.to_string()).fetch_optional(executor).await?;
+    row.as_ref().map(rows::job).transpose()
+}
+
+/// Why the statement found no job to retry.
+fn not_retried(job: Option<Job>) -> RetryAnswer {
+    match job {
+        None => RetryAnswer::NotFound,
+        Some(job) if job.state.after(Cause::Retry).is_some() => RetryAnswer::MaskErased,
+        Some(job) => RetryAnswer::NotRetryable(job.state),
     }
 }
 
@@ -161,7 +161,7 @@ async fn insert_queued(transaction: &mut Transaction<'_, Sqlite>, job: &NewJob) 
         "INSERT INTO jobs (id, state, owner, labels, idempotency_key, request_sha256, mask_sha256, mask_bytes, params,
                            attempt, cancel_requested, created_at_ms, turn_ms, history, trace_id, callback_url,
                            callback_state, work_sha256, warnings, results)
-         VALUES ($1, 'queued', $2, $3, $4, $5, $6, $7, $8, 0, 0, $9, $10, ' queued@' || CAST($9 AS TEXT), $11, $12,
+         VALUES ($1, $14, $2, $3, $4, $5, $6, $7, $8, 0, 0, $9, $10, ' ' || $14 || '@' || CAST($9 AS TEXT), $11, $12,
                  CASE WHEN $12 IS NULL THEN NULL ELSE 'waiting' END, $13, '[]', '[]')",
     )
     .bind(job.id.to_string())
@@ -177,6 +177,7 @@ async fn insert_queued(transaction: &mut Transaction<'_, Sqlite>, job: &NewJob) 
     .bind(&job.trace_id)
     .bind(&job.callback_url)
     .bind(&job.work_sha256)
+    .bind(JobState::FIRST.name())
     .execute(&mut **transaction)
     .await?;
     Ok(())
@@ -189,19 +190,18 @@ async fn insert_succeeded(
     reused: &Reused,
 ) -> Result<(), StoreError> {
     insert_queued(transaction, job).await?;
-    sqlx::query(
-        "UPDATE jobs SET state = 'succeeded', reused = 1, results = $1, warnings = $2, results_token = $3, program = $4,
-            started_at_ms = created_at_ms, ended_at_ms = created_at_ms,
-            history = history || ' succeeded@' || CAST(created_at_ms AS TEXT),
-            callback_state = CASE WHEN callback_url IS NULL THEN NULL ELSE 'due' END,
-            callback_due_ms = CASE WHEN callback_url IS NULL THEN NULL ELSE created_at_ms END
-         WHERE id = $5",
-    )
+    let MoveSql { set, from } = sql::moves(Cause::Reuse);
+    sqlx::query(AssertSqlSafe(format!(
+        "UPDATE jobs SET {set}, reused = 1, results = $3, warnings = $4, results_token = $5, program = $6,
+            started_at_ms = created_at_ms
+         WHERE id = $2 AND {from}"
+    )))
+    .bind(job.created_at.as_millisecond())
+    .bind(job.id.to_string())
     .bind(rows::to_json(&reused.results))
     .bind(rows::to_json(&reused.warnings))
     .bind(&reused.token)
     .bind(&reused.program)
-    .bind(job.id.to_string())
     .execute(&mut **transaction)
     .await?;
     Ok(())

@@ -2,12 +2,15 @@
 
 use async_trait::async_trait;
 use jiff::Timestamp;
-use sqlx::{Row, Sqlite, SqliteExecutor};
-use uuid::Uuid;
+use sqlx::{AssertSqlSafe, Row, Sqlite, SqliteExecutor};
 
 use super::{SqliteStore, rows};
 use crate::jobs::job::{JobId, JobState, JobWarning, ResultFile};
-use crate::jobs::store::{Claim, Held, Lease, MAX_ATTEMPTS, Outcome, QueueLoad, QueueStore, Reclaim, StoreError};
+use crate::jobs::moves::Cause;
+use crate::jobs::store::sql::{self, MoveSql, WITHOUT_LEASE};
+use crate::jobs::store::{
+    Claim, Held, Lease, MAX_ATTEMPTS, Outcome, QueueLoad, QueueStore, Reclaim, StoreError, new_token, too_many_attempts,
+};
 use crate::problem::Problem;
 
 #[async_trait]
@@ -33,21 +36,22 @@ impl QueueStore for SqliteStore {
     }
 
     async fn claim(&self, instance: &str, now: Timestamp, until: Timestamp) -> Result<Option<Claim>, StoreError> {
-        let token = Uuid::now_v7().hyphenated().to_string();
-        let claimed = sqlx::query(
-            "UPDATE jobs SET state = 'running', attempt = attempt + 1, lease_token = $1, lease_until_ms = $2,
-                started_at_ms = CAST($3 AS BIGINT), history = history || ' running@' || CAST($3 AS TEXT), instance = $4
-             WHERE state = 'queued' AND id =
+        let token = new_token();
+        let MoveSql { set, from } = sql::moves(Cause::Claim);
+        let claimed = sqlx::query(AssertSqlSafe(format!(
+            "UPDATE jobs SET {set}, attempt = attempt + 1, lease_token = $2, lease_until_ms = $3,
+                started_at_ms = CAST($1 AS BIGINT), instance = $4
+             WHERE {from} AND id =
                 (SELECT waiting.id FROM jobs AS waiting LEFT JOIN
                     (SELECT owner, count(*) AS jobs FROM jobs WHERE state = 'running' GROUP BY owner) AS busy
                     ON busy.owner = waiting.owner
-                 WHERE waiting.state = 'queued'
+                 WHERE waiting.{from}
                  ORDER BY coalesce(busy.jobs, 0), waiting.turn_ms, waiting.id LIMIT 1)
-             RETURNING *",
-        )
+             RETURNING *"
+        )))
+        .bind(now.as_millisecond())
         .bind(&token)
         .bind(until.as_millisecond())
-        .bind(now.as_millisecond())
         .bind(instance);
         let Some(row) = self.change(claimed).await? else { return Ok(None) };
         let job = rows::job(&row)?;
@@ -80,34 +84,31 @@ impl QueueStore for SqliteStore {
 
     async fn finish(&self, lease: &Lease, outcome: &Outcome, now: Timestamp) -> Result<(), StoreError> {
         let ended = Ended::from(outcome);
-        let written = sqlx::query(
-            "UPDATE jobs SET state = $1, error = $2, warnings = $3, results = $4, results_token = $5, program = $6,
-                ended_at_ms = CAST($7 AS BIGINT), history = history || ' ' || $1 || '@' || CAST($7 AS TEXT),
-                callback_state = CASE WHEN callback_url IS NULL THEN NULL ELSE 'due' END,
-                callback_due_ms = CASE WHEN callback_url IS NULL THEN NULL ELSE CAST($7 AS BIGINT) END,
-                lease_token = NULL, lease_until_ms = NULL, instance = NULL
-             WHERE id = $8 AND lease_token = $9 AND state = 'running'",
-        )
-        .bind(ended.state.name())
-        .bind(ended.error.map(rows::to_json))
-        .bind(rows::to_json(&ended.warnings))
-        .bind(rows::to_json(&ended.results))
-        .bind((ended.state == JobState::Succeeded).then_some(&lease.token))
-        .bind(ended.program)
+        let MoveSql { set, from } = sql::moves(outcome.cause());
+        let written = sqlx::query(AssertSqlSafe(format!(
+            "UPDATE jobs SET {set}, error = $4, warnings = $5, results = $6, program = $7, results_token = $8,
+                {WITHOUT_LEASE}
+             WHERE id = $2 AND lease_token = $3 AND {from}"
+        )))
         .bind(now.as_millisecond())
         .bind(lease.id.to_string())
         .bind(&lease.token)
+        .bind(ended.error.map(rows::to_json))
+        .bind(rows::to_json(&ended.warnings))
+        .bind(rows::to_json(&ended.results))
+        .bind(ended.program)
+        .bind(matches!(outcome, Outcome::Succeeded { .. }).then_some(&lease.token))
         .execute(&self.writer)
         .await?;
         is_held(written.rows_affected())
     }
 
     async fn release(&self, lease: &Lease, now: Timestamp) -> Result<(), StoreError> {
-        let written = sqlx::query(
-            "UPDATE jobs SET state = 'queued', attempt = attempt - 1, started_at_ms = NULL, lease_token = NULL,
-                lease_until_ms = NULL, instance = NULL, history = history || ' queued@' || CAST($1 AS TEXT)
-             WHERE id = $2 AND lease_token = $3 AND state = 'running'",
-        )
+        let MoveSql { set, from } = sql::moves(Cause::Release);
+        let written = sqlx::query(AssertSqlSafe(format!(
+            "UPDATE jobs SET {set}, attempt = attempt - 1, started_at_ms = NULL, {WITHOUT_LEASE}
+             WHERE id = $2 AND lease_token = $3 AND {from}"
+        )))
         .bind(now.as_millisecond())
         .bind(lease.id.to_string())
         .bind(&lease.token)
@@ -122,22 +123,14 @@ impl QueueStore for SqliteStore {
             Reclaim::LeaseBefore(time) => (None, Some(time.as_millisecond())),
         };
         // One statement: a job is either ended or queued again, whatever happens to this process.
-        let rows = sqlx::query(
-            "UPDATE jobs SET
-                state = CASE WHEN cancel_requested = 1 THEN 'canceled' WHEN attempt >= $1 THEN 'failed' ELSE 'queued' END,
-                error = CASE WHEN cancel_requested = 0 AND attempt >= $1 THEN $2 ELSE NULL END,
-                ended_at_ms = CASE WHEN cancel_requested = 1 OR attempt >= $1 THEN CAST($3 AS BIGINT) ELSE NULL END,
-                history = history || CASE WHEN cancel_requested = 1 THEN ' canceled@' WHEN attempt >= $1 THEN ' failed@'
-                                          ELSE ' queued@' END || CAST($3 AS TEXT),
-                callback_state = CASE WHEN callback_url IS NULL THEN NULL
-                                      WHEN cancel_requested = 1 OR attempt >= $1 THEN 'due' ELSE 'waiting' END,
-                callback_due_ms = CASE WHEN cancel_requested = 1 OR attempt >= $1 THEN CAST($3 AS BIGINT) ELSE NULL END,
-                lease_token = NULL, lease_until_ms = NULL, instance = NULL
-             WHERE state = 'running' AND (instance = $4 OR lease_until_ms < $5) RETURNING id, state",
-        )
-        .bind(i64::from(MAX_ATTEMPTS))
-        .bind(rows::to_json(&too_many_attempts()))
+        let MoveSql { set, from } = sql::loss(MAX_ATTEMPTS);
+        let rows = sqlx::query(AssertSqlSafe(format!(
+            "UPDATE jobs SET {set}, {WITHOUT_LEASE},
+                error = CASE WHEN cancel_requested = 0 AND attempt >= {MAX_ATTEMPTS} THEN $2 END
+             WHERE {from} AND (instance = $3 OR lease_until_ms < $4) RETURNING id, state"
+        )))
         .bind(now.as_millisecond())
+        .bind(rows::to_json(&too_many_attempts()))
         .bind(instance)
         .bind(before)
         .fetch_all(&self.writer)
@@ -173,7 +166,6 @@ fn is_held(rows_written: u64) -> Result<(), StoreError> {
 
 /// An outcome in columns.
 struct Ended<'a> {
-    state: JobState,
     error: Option<&'a Problem>,
     warnings: &'a [JobWarning],
     results: &'a [ResultFile],
@@ -182,19 +174,13 @@ struct Ended<'a> {
 
 impl<'a> From<&'a Outcome> for Ended<'a> {
     fn from(outcome: &'a Outcome) -> Self {
-        let without = |state| Self { state, error: None, warnings: &[], results: &[], program: None };
+        let nothing = Self { error: None, warnings: &[], results: &[], program: None };
         match outcome {
             Outcome::Succeeded { results, warnings, program } => {
-                Self { warnings, results, program: Some(program), ..without(JobState::Succeeded) }
+                Self { warnings, results, program: Some(program), ..nothing }
             }
-            Outcome::Failed(problem) => Self { error: Some(problem), ..without(JobState::Failed) },
-            Outcome::Canceled => without(JobState::Canceled),
+            Outcome::Failed(problem) => Self { error: Some(problem), ..nothing },
+            Outcome::Canceled => nothing,
         }
     }
-}
-
-fn too_many_attempts() -> Problem {
-    let detail = format!("the job was begun {MAX_ATTEMPTS} times and the server stopped each time");
-    Problem::new(500, "too_many_attempts", detail)
-        .hint("send it once more on its own; if it fails again, the mask is more than this server can take")
 }

@@ -20,10 +20,7 @@ pub(super) fn job(row: &SqliteRow) -> Result<Job, StoreError> {
         history: history(row.try_get("history")?)?,
         attempt: u32::try_from(row.try_get::<i64, _>("attempt")?).map_err(|_| corrupt("attempt"))?,
         cancel_requested: flag(row, "cancel_requested")?,
-        mask: MaskInfo {
-            sha256: row.try_get("mask_sha256")?,
-            bytes: row.try_get::<i64, _>("mask_bytes")?.unsigned_abs(),
-        },
+        mask: MaskInfo { sha256: row.try_get("mask_sha256")?, bytes: bytes(row, "mask_bytes")? },
         params_json: row.try_get("params")?,
         created_at: time(row, "created_at_ms")?.ok_or_else(|| corrupt("created_at_ms"))?,
         started_at: time(row, "started_at_ms")?,
@@ -61,6 +58,10 @@ pub(super) fn count(row: &SqliteRow, column: usize) -> Result<u64, StoreError> {
     Ok(row.try_get::<i64, _>(column)?.unsigned_abs())
 }
 
+pub(super) fn bytes(row: &SqliteRow, column: &'static str) -> Result<u64, StoreError> {
+    Ok(row.try_get::<i64, _>(column)?.unsigned_abs())
+}
+
 /// `state@ms`, separated by spaces.
 fn history(text: &str) -> Result<Vec<Change>, StoreError> {
     let change = |entry: &str| {
@@ -82,7 +83,7 @@ fn json<T: DeserializeOwned>(row: &SqliteRow, column: &'static str) -> Result<T,
 }
 
 pub(super) fn corrupt(column: &'static str) -> StoreError {
-    StoreError::Corrupt { column }
+    StoreError::Corrupt(format!("column {column}"))
 }
 
 /// JSON of plain data.

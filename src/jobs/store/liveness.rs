@@ -6,7 +6,8 @@ use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use uuid::Uuid;
+use super::new_token;
+use crate::jobs::make_private;
 
 const INSTANCES: &str = "instances";
 
@@ -20,14 +21,14 @@ pub struct Instance {
 }
 
 impl Instance {
-    /// Says to the others that this process lives.
+    /// Says to the others that this process lives. Blocks.
     ///
     /// # Errors
     /// When the folder cannot be written to.
     pub fn begin(data_dir: &Path) -> io::Result<Self> {
         let folder = data_dir.join(INSTANCES);
-        super::make_private(&folder)?;
-        let id = Uuid::now_v7().hyphenated().to_string();
+        make_private(&folder)?;
+        let id = new_token();
         // Locked before it has its name, so that nobody finds it without its lock.
         let draft = folder.join(format!(".{id}"));
         let lock = File::create(&draft)?;
@@ -42,7 +43,28 @@ impl Instance {
         &self.id
     }
 
-    /// The others that are gone. They stay on this list until [`Self::bury`].
+    /// The other processes.
+    #[must_use]
+    pub fn peers(&self) -> Peers {
+        Peers { own: self.id.clone(), folder: self.folder.clone() }
+    }
+}
+
+impl Drop for Instance {
+    fn drop(&mut self) {
+        self.peers().bury(&self.id);
+    }
+}
+
+/// The other processes that share the data directory. All that it does blocks.
+#[derive(Clone, Debug)]
+pub struct Peers {
+    own: String,
+    folder: PathBuf,
+}
+
+impl Peers {
+    /// Those that are gone. They stay on this list until [`Self::bury`].
     ///
     /// # Errors
     /// When the folder cannot be read.
@@ -57,9 +79,14 @@ impl Instance {
     }
 
     fn others(&self) -> io::Result<Vec<String>> {
-        let names = fs::read_dir(&self.folder)?.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned()));
-        let names: Vec<String> = names.collect::<io::Result<_>>()?;
-        Ok(names.into_iter().filter(|name| *name != self.id && !name.starts_with('.')).collect())
+        let mut others = Vec::new();
+        for entry in fs::read_dir(&self.folder)? {
+            let name = entry?.file_name().to_string_lossy().into_owned();
+            if name != self.own && !name.starts_with('.') {
+                others.push(name);
+            }
+        }
+        Ok(others)
     }
 
     /// Whether another process uses the data directory.
@@ -74,12 +101,6 @@ impl Instance {
     pub fn bury(&self, dead: &str) {
         // Another process may have done so.
         let _ = fs::remove_file(self.folder.join(dead));
-    }
-}
-
-impl Drop for Instance {
-    fn drop(&mut self) {
-        self.bury(&self.id);
     }
 }
 
@@ -104,13 +125,14 @@ mod tests {
         let dir = tempfile::TempDir::new().expect("a folder");
         let (one, two) = (Instance::begin(dir.path()), Instance::begin(dir.path()));
         let (one, two) = (one.expect("first"), two.expect("second"));
-        assert!(one.dead().expect("list").is_empty() && one.has_company().expect("list"));
+        let peers = one.peers();
+        assert!(peers.dead().expect("list").is_empty() && peers.has_company().expect("list"));
         // As after a kill: the lock is free, the file is there.
         let left = dir.path().join(INSTANCES).join("killed");
         File::create(&left).expect("file");
-        assert_eq!(one.dead().expect("list"), ["killed"]);
-        one.bury("killed");
+        assert_eq!(peers.dead().expect("list"), ["killed"]);
+        peers.bury("killed");
         drop(two);
-        assert!(!left.exists() && !one.has_company().expect("list"));
+        assert!(!left.exists() && !peers.has_company().expect("list"));
     }
 }

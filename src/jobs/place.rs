@@ -1,0 +1,145 @@
+//! Where a service keeps what it knows. Servers and the commands beside them open it here, and only
+//! here: none of them names a database.
+
+use std::fmt;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::make_private;
+use super::store::blobs::{Blobs, free_bytes};
+use super::store::liveness::Instance;
+use super::store::sqlite::SqliteStore;
+use super::store::{Store, StoreError};
+use crate::audit::{self, Audit, AuditError, Verified};
+
+/// Why it cannot be opened.
+#[derive(Debug, thiserror::Error)]
+pub enum OpenError {
+    /// The directory cannot be used.
+    #[error(transparent)]
+    Files(#[from] io::Error),
+    /// The database cannot be used.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+}
+
+/// A data directory: a folder of this machine that nobody else may enter.
+///
+/// ```text
+/// db/         jobs and tokens
+/// masks/      files of jobs
+/// results/    files of jobs
+/// scratch/    files under way, by server
+/// instances/  servers that live
+/// audit/      who did what
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Place {
+    folder: PathBuf,
+}
+
+impl Place {
+    /// The data directory at this path, which may not be there yet. Makes nothing.
+    #[must_use]
+    pub fn at(folder: &Path) -> Self {
+        Self { folder: folder.to_owned() }
+    }
+
+    /// Whether anything was kept here yet.
+    #[must_use]
+    pub fn is_used(&self) -> bool {
+        self.database().exists()
+    }
+
+    /// Opens the store, making it when there is none, and brings it up to date.
+    ///
+    /// # Errors
+    /// When it cannot be used, or is of a later version of this program.
+    pub async fn open_store(&self) -> Result<Arc<dyn Store>, OpenError> {
+        make_private(&self.folder)?;
+        make_private(&self.folder.join("db"))?;
+        Ok(Arc::new(SqliteStore::open(&self.database()).await?))
+    }
+
+    /// Copies the store as it is now to another place, which has none. Others may write meanwhile.
+    ///
+    /// # Errors
+    /// When one of them cannot be used.
+    pub async fn copy_store_to(&self, other: &Self) -> Result<(), OpenError> {
+        make_private(&other.folder.join("db"))?;
+        Ok(self.open_store().await?.copy_to(&other.database()).await?)
+    }
+
+    /// Begins to take part in the work here: as a server that lives as long as the instance, with the files
+    /// of jobs, a folder of its own for what is under way, and the audit log. Blocks.
+    ///
+    /// # Errors
+    /// When a folder cannot be made or written to.
+    pub fn begin(&self) -> io::Result<(Instance, Blobs, Audit)> {
+        make_private(&self.folder)?;
+        let instance = Instance::begin(&self.folder)?;
+        let blobs = Blobs::open(&self.folder, instance.id())?;
+        Ok((instance, blobs, self.open_audit()?))
+    }
+
+    /// The files of jobs, for one who takes no part in the work. Blocks.
+    ///
+    /// # Errors
+    /// When the folder is not there.
+    pub fn blobs(&self) -> io::Result<Blobs> {
+        Blobs::beside(&self.folder)
+    }
+
+    /// Opens the audit log, making it when there is none. Blocks.
+    ///
+    /// # Errors
+    /// When it cannot be read or written.
+    pub fn open_audit(&self) -> io::Result<Audit> {
+        Audit::open(&self.audit_log())
+    }
+
+    /// Follows the chain of the audit log; `None` when there is no log yet. Blocks.
+    ///
+    /// # Errors
+    /// When the chain does not hold.
+    pub fn verify_audit(&self) -> Result<Option<Verified>, AuditError> {
+        let log = self.audit_log();
+        if log.exists() { audit::verify(&log).map(Some) } else { Ok(None) }
+    }
+
+    /// Copies the audit log, if there is one, to another place. Blocks.
+    ///
+    /// # Errors
+    /// When it cannot be read or written.
+    pub fn copy_audit_to(&self, other: &Self) -> io::Result<()> {
+        let log = self.audit_log();
+        if log.exists() {
+            make_private(&other.folder.join("audit"))?;
+            std::fs::copy(&log, other.audit_log())?;
+        }
+        Ok(())
+    }
+
+    /// Room left for files, bytes.
+    ///
+    /// # Errors
+    /// When the file system does not say.
+    pub fn free_bytes(&self) -> io::Result<u64> {
+        free_bytes(&self.folder)
+    }
+
+    fn database(&self) -> PathBuf {
+        self.folder.join("db").join("jobs.sqlite")
+    }
+
+    fn audit_log(&self) -> PathBuf {
+        self.folder.join("audit").join("audit.jsonl")
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.folder.display().fmt(f)
+    }
+}
