@@ -8,7 +8,7 @@ use serde_json::value::RawValue;
 use super::params_schema::ParamsSchema;
 use crate::jobs::job::{Callback, CallbackState, CallbackTry, Job, JobState, JobWarning, MaskInfo, ResultFile};
 use crate::jobs::queue::JobStatus;
-use crate::jobs::running::Progress;
+use crate::pipeline::overall::Progress;
 use crate::problem::Problem;
 
 /// A job.

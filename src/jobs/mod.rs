@@ -39,7 +39,7 @@ pub mod upload;
 
 pub mod changes;
 
-pub mod running;
+mod running;
 
 pub mod queue;
 

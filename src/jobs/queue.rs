@@ -19,12 +19,13 @@ use super::changes::{Changes, RECHECK};
 use super::instance::Instance;
 use super::job::{Job, JobId, JobState, ResultFile};
 use super::process::InputLimits;
-use super::running::{Progress, Running};
+use super::running::Running;
 use super::sqlite::SqliteStore;
 use super::store::{CancelAnswer, Lease, ListQuery, QueueLimits, Reclaim, RetryAnswer, Store, StoreError};
 use super::upload::UploadLimits;
 use crate::audit::{Action, Audit, Entry};
 use crate::metrics::{Metrics, Now};
+use crate::pipeline::overall::Progress;
 use crate::problem::Problem;
 use crate::webhook::Sender;
 

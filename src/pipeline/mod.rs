@@ -11,6 +11,8 @@ pub mod params;
 
 pub mod observer;
 
+pub mod overall;
+
 pub mod refusal;
 
 pub mod model;
