@@ -1,7 +1,7 @@
 //! A job that runs in this process: hears its progress and can stop it.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use tokio_util::sync::CancellationToken;
@@ -58,18 +58,32 @@ impl Running {
     }
 
     pub(super) fn progress(&self) -> Progress {
-        self.progress.lock().unwrap_or_else(PoisonError::into_inner).progress()
+        self.told().progress()
+    }
+
+    fn told(&self) -> MutexGuard<'_, Overall> {
+        // Nothing panics while it is held.
+        self.progress.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl Observer for Running {
+    fn begun(&self, voxels: &[u64]) {
+        self.told().tell_sizes(voxels);
+    }
+
     fn progress(&self, structure: usize, structures: usize, stage: Stage, fraction: f64) {
-        self.progress.lock().unwrap_or_else(PoisonError::into_inner).tell(structure, structures, stage, fraction);
+        self.told().tell(structure, structures, stage, fraction);
         self.changes.step(self.lease.id);
     }
 
     fn repeated(&self, structure: usize, structures: usize, done: usize, repeats: usize) {
-        self.progress.lock().unwrap_or_else(PoisonError::into_inner).tell_repeat(structure, structures, done, repeats);
+        self.told().tell_repeat(structure, structures, done, repeats);
+        self.changes.step(self.lease.id);
+    }
+
+    fn ended(&self, structure: usize, structures: usize) {
+        self.told().tell_end(structure, structures);
         self.changes.step(self.lease.id);
     }
 

@@ -67,11 +67,17 @@ pub struct Warning {
 
 /// Listens to a run. Called from worker threads.
 pub trait Observer: Sync {
+    /// Structures of so many voxels will be worked on; said once, before all else.
+    fn begun(&self, _voxels: &[u64]) {}
+
     /// `stage` of structure `structure` of `structures` has reached `fraction` (0 to 1).
     fn progress(&self, structure: usize, structures: usize, stage: Stage, fraction: f64);
 
     /// `done` of the `repeats` that follow the stages of a structure are done; said with 0 before the first stage.
     fn repeated(&self, _structure: usize, _structures: usize, _done: usize, _repeats: usize) {}
+
+    /// All is done of a structure, whether it has a medial representation or not.
+    fn ended(&self, _structure: usize, _structures: usize) {}
 
     /// Whether the run should stop; asked at every slice of work, so it must be cheap.
     fn is_cancelled(&self) -> bool {
