@@ -28,6 +28,8 @@ mod jobs_blobs;
 
 mod cli_run;
 
+mod first_contact;
+
 mod phantoms;
 
 mod pipeline_shapes;
