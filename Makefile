@@ -3,7 +3,7 @@
 .PHONY: run test web bench fuzz soak contract lint openapi image-check deny clean
 
 # The service and its page on 127.0.0.1:8080, with a sample job already sent.
-run: web
+run:
 	@scripts/run.sh
 
 # Everything, with a closing count.
@@ -11,11 +11,10 @@ test:
 	@scripts/test.sh
 
 # The page and the viewer, which the program takes in when it is built. Without them it serves a page that says so.
-web: web/node_modules/.package-lock.json
-	@cd web && npm run --silent build -- --logLevel warn
-
-web/node_modules/.package-lock.json: web/package-lock.json
-	@cd web && npm ci --silent --no-fund --no-audit
+web:
+	@scripts/need.sh "make web" node page-packages
+	@echo "building the page ..."
+	@cd web && { told=$$(npm run --silent build -- --logLevel warn 2>&1) || { echo "$$told" >&2; exit 1; }; }
 
 # What each stage costs at three sizes, and the whole, on one thread.
 bench:
@@ -35,7 +34,8 @@ soak:
 contract:
 	@scripts/contract.sh
 
-lint: web/node_modules/.package-lock.json
+lint:
+	@scripts/need.sh "make lint" node rust c page-packages test-crates
 	cd web && npm run --silent lint
 	cargo fmt --check
 	cargo fmt --manifest-path fuzz/Cargo.toml --check

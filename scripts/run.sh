@@ -7,8 +7,19 @@ listen=${MEDIALREP_LISTEN:-127.0.0.1:8080}
 url=http://$listen
 sample=${SAMPLE:-bent}
 
-command -v curl >/dev/null || { echo "make run: needs curl" >&2; exit 1; }
-cargo build --release --locked
+# A proxy has no way to this machine's own port.
+curl() { command curl --noproxy '*' "$@"; }
+fail() { echo "make run: $*" >&2; exit 1; }
+
+scripts/need.sh "make run" curl node rust c page-packages crates
+# curl says 7 when nobody listens.
+status=0
+curl -s -o /dev/null --max-time 5 "$url" || status=$?
+[ $status = 7 ] || fail "something answers at $url already: stop it, or choose another port: MEDIALREP_LISTEN=127.0.0.1:8081 make run"
+
+make --no-print-directory web
+echo "building the program ... (the first time this takes some minutes)"
+cargo build --release --locked --quiet
 program=${CARGO_TARGET_DIR:-target}/release/medialrep
 mkdir -p -m 700 data
 mask=data/$sample.nii.gz

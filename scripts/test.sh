@@ -3,21 +3,12 @@
 set -uo pipefail
 cd "$(dirname "$0")/.."
 
-fail() { echo "make test: $*" >&2; exit 1; }
-
-command -v npm >/dev/null || fail "needs Node.js with npm, for the page and the glTF validator"
+scripts/need.sh "make test" node rust c browser page-packages test-packages test-crates || exit 1
+# The page is tested in it.
+browser=${MEDIALREP_BROWSER:-$(command -v chromium || command -v google-chrome)}
 make --no-print-directory web || exit 1
-(cd tests/tools && npm ci --silent --no-fund --no-audit) || exit 1
-
-# The page is tested in a browser.
-browser=${MEDIALREP_BROWSER:-$(command -v chromium || command -v google-chrome || true)}
-if [ -z "$browser" ]; then
-    [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null || fail "needs chromium: apt-get install chromium"
-    echo "installing chromium ..."
-    (apt-get update -q && DEBIAN_FRONTEND=noninteractive apt-get install -qy --no-install-recommends chromium) >/dev/null ||
-        fail "chromium cannot be installed"
-    browser=$(command -v chromium)
-fi
+echo "building the program and its tests ... (the first time this takes some minutes)"
+cargo test --locked --no-run --quiet || exit 1
 
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT

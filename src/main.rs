@@ -1,9 +1,7 @@
-//! The `medialrep` program: arguments, then one call.
+//! The `medialrep` program: one call.
 
 use std::process::ExitCode;
 
-use clap::Parser;
-
 fn main() -> ExitCode {
-    medialrep::cli::main(medialrep::cli::Arguments::parse())
+    medialrep::cli::main()
 }

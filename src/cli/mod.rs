@@ -4,6 +4,10 @@ pub mod serve;
 
 pub mod run;
 
+mod bar;
+
+mod table;
+
 pub mod sample;
 
 pub mod probe;
@@ -16,6 +20,7 @@ pub mod backup;
 
 use std::process::ExitCode;
 
+use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
 /// Exit codes, as the contract has them. 0 is done.
@@ -62,9 +67,44 @@ enum Command {
     Openapi,
 }
 
-/// Does what the arguments say; an error is told in one line.
+/// Does what the arguments of this process say; an error is told in one line.
 #[must_use]
-pub fn main(arguments: Arguments) -> ExitCode {
+pub fn main() -> ExitCode {
+    match Arguments::try_parse() {
+        Ok(arguments) => obey(arguments),
+        Err(error) if is_help(&error) => error.exit(),
+        Err(error) => {
+            complain(&one_line(&error.to_string()));
+            ExitCode::from(exit::USAGE)
+        }
+    }
+}
+
+fn is_help(error: &clap::Error) -> bool {
+    matches!(
+        error.kind(),
+        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion | ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand
+    )
+}
+
+/// What is wrong with the arguments, without the paragraphs on usage: where to read it up is enough.
+fn one_line(told: &str) -> String {
+    let mut command = vec!["medialrep"];
+    let mut parts = Vec::new();
+    for paragraph in told.split("\n\n") {
+        let mut words = paragraph.split_whitespace();
+        match words.next() {
+            Some("Usage:") => command = words.take_while(|word| !word.starts_with(['-', '<', '['])).collect(),
+            Some("error:") => parts.push(words.collect::<Vec<_>>().join(" ")),
+            Some("tip:") => parts.push(paragraph.split_whitespace().collect::<Vec<_>>().join(" ")),
+            _ => {}
+        }
+    }
+    parts.push(format!("see {} --help", command.join(" ")));
+    parts.join("; ")
+}
+
+fn obey(arguments: Arguments) -> ExitCode {
     let outcome = match arguments.command {
         Command::Serve(arguments) => serve::serve(&arguments),
         Command::Run(arguments) => run::run(arguments),
@@ -87,8 +127,46 @@ fn openapi() -> ExitCode {
     ExitCode::SUCCESS
 }
 
+/// Why something failed, without the number that the system has for it.
+fn cause(error: &std::io::Error) -> String {
+    let text = error.to_string();
+    text.split(" (os error").next().unwrap_or(&text).to_owned()
+}
+
 /// One line on stderr, whatever is in `text`.
 #[allow(clippy::print_stderr, reason = "this is the command line")]
 fn complain(text: &str) {
     eprintln!("medialrep: {}", text.replace(['\n', '\r'], " "));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told(arguments: &[&str]) -> String {
+        let arguments = ["medialrep"].iter().chain(arguments);
+        one_line(&Arguments::try_parse_from(arguments).unwrap_err().to_string())
+    }
+
+    #[test]
+    fn wrong_arguments_are_one_line_with_the_place_to_look() {
+        for (arguments, line) in [
+            (
+                vec!["run", "mask.nii"],
+                "the following required arguments were not provided: --out <DIR>; see medialrep run --help",
+            ),
+            (
+                vec!["run", "mask.nii", "--out", "out", "--thread", "2"],
+                "unexpected argument '--thread' found; tip: a similar argument exists: '--threads'; see medialrep run --help",
+            ),
+            (
+                vec!["rum"],
+                "unrecognized subcommand 'rum'; tip: a similar subcommand exists: 'run'; see medialrep --help",
+            ),
+        ] {
+            assert_eq!(told(&arguments), line);
+        }
+        let value = told(&["run", "mask.nii", "--out", "out", "--threads", "none"]);
+        assert!(value.contains("'none' for '--threads <N>'") && value.ends_with("--help"), "{value}");
+    }
 }

@@ -1,28 +1,22 @@
 //! `medialrep run`: one mask, no service.
 
-use std::io::IsTerminal;
-use std::num::NonZeroUsize;
+use std::fs::File;
+use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::Mutex;
 
 use anyhow::Context;
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
 
-use super::{complain, exit};
-use crate::cancel::Cancel;
+use super::bar::Bar;
+use super::table::{WIDTH, json_lines, table};
+use super::{cause, complain, exit};
 use crate::formats::params_json;
-use crate::jobs::process::{self, InputLimits, ProcessError};
+use crate::jobs::process::{self, InputLimits, ProcessError, StructureSummary};
 use crate::model::SHAPE_CODES;
-use crate::model::Stage;
 use crate::params::CheckedParams;
-use crate::pipeline::observer::Observer;
 use crate::problem::Problem;
-
-/// Steps of a bar.
-const BAR_STEPS: u32 = 1000;
 
 /// Arguments of `run`.
 #[derive(Debug, Args)]
@@ -36,20 +30,26 @@ pub struct RunArgs {
     #[arg(long, value_name = "JSON|@FILE", default_value = "{}")]
     params: String,
     /// Threads to work with [default: the cores]
-    #[arg(long, value_name = "N")]
-    threads: Option<NonZeroUsize>,
-    /// Print errors as a problem object (RFC 9457)
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Print what became of each structure as JSON lines, and errors as a problem object (RFC 9457)
     #[arg(long)]
     json: bool,
+    /// Print nothing but errors
+    #[arg(long, short)]
+    quiet: bool,
 }
 
-/// Processes the mask.
+/// Processes the mask and tells what became of each structure.
 ///
 /// # Errors
 /// Only for faults of our own; what is wrong with the input ends in an exit code.
 pub fn run(arguments: RunArgs) -> anyhow::Result<ExitCode> {
-    let problem = match try_run(&arguments)? {
-        Ok(()) => return Ok(ExitCode::SUCCESS),
+    let problem = match try_run(&arguments) {
+        Ok(structures) => {
+            tell(&structures, &arguments)?;
+            return Ok(ExitCode::SUCCESS);
+        }
         Err(problem) => problem,
     };
     if arguments.json {
@@ -60,47 +60,102 @@ pub fn run(arguments: RunArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::from(exit_code(&problem)))
 }
 
-fn try_run(arguments: &RunArgs) -> anyhow::Result<Result<(), Problem>> {
-    let params = match read_params(&arguments.params) {
-        Ok(params) => params,
-        Err(problem) => return Ok(Err(*problem)),
-    };
-    if let Err(error) = std::fs::File::open(&arguments.mask) {
-        return Ok(Err(usage("cannot_open_mask", format!("cannot open the mask: {error}"), "MASK")));
-    }
-    if let Err(error) = std::fs::create_dir_all(&arguments.out) {
-        return Ok(Err(usage(
-            "cannot_make_folder",
-            format!("cannot make the folder for the results: {error}"),
-            "--out",
-        )));
-    }
+fn try_run(arguments: &RunArgs) -> Result<Vec<StructureSummary>, Box<Problem>> {
+    let params = read_params(&arguments.params)?;
+    check_mask(&arguments.mask)?;
+    check_folder(&arguments.out)?;
     if let Some(threads) = arguments.threads {
-        rayon::ThreadPoolBuilder::new().num_threads(threads.get()).build_global().context("starting threads")?;
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global();
+        pool.map_err(|error| {
+            usage(
+                "cannot_start_threads",
+                format!("cannot start {threads} threads: {error}"),
+                "--threads",
+                "ask for fewer",
+            )
+        })?;
     }
-    let bars = Bars::new();
-    let work = || process::process(&arguments.mask, &params, InputLimits::default(), &arguments.out, &bars);
+    let bar = if arguments.quiet || !io::stderr().is_terminal() { Bar::hidden() } else { Bar::on_stderr() };
+    let work = || process::process(&arguments.mask, &params, InputLimits::default(), &arguments.out, &bar);
     let outcome = catch_unwind(AssertUnwindSafe(work));
-    bars.finish();
-    Ok(match outcome {
-        Ok(Ok(_)) => Ok(()),
-        Ok(Err(ProcessError::Problem(problem))) => Err(*problem),
-        Ok(Err(ProcessError::Cancelled)) => Err(Problem::new(500, "cancelled", "the run was stopped")),
-        Err(_) => Err(Problem::new(500, "internal", "the program failed; please report it with the line above")),
-    })
+    bar.clear();
+    match outcome {
+        Ok(Ok(processed)) => Ok(processed.structures),
+        Ok(Err(error)) => Err(failed(error, &arguments.out)),
+        Err(_) => {
+            Err(Box::new(Problem::new(500, "internal", "the program failed; please report it with the line above")))
+        }
+    }
 }
 
 fn read_params(argument: &str) -> Result<CheckedParams, Box<Problem>> {
     let text = match argument.strip_prefix('@') {
         None => argument.as_bytes().to_vec(),
-        Some(path) => std::fs::read(path)
-            .map_err(|error| usage("cannot_open_params", format!("cannot read the parameters: {error}"), "--params"))?,
+        Some(path) => std::fs::read(path).map_err(|error| {
+            let detail = format!("cannot read the parameters in {path}: {}", cause(&error));
+            usage("cannot_open_params", detail, "--params", CHECK_PATH)
+        })?,
     };
-    params_json::parse(&text).map_err(|error| Box::new(Problem::from(&error)))
+    params_json::parse(&text).map_err(|error| {
+        let problem = Problem::from(&error);
+        let is_path = problem.code == "malformed_params" && Path::new(argument).is_file();
+        Box::new(if is_path {
+            problem.hint(format!("write --params @{argument} to read them from that file"))
+        } else {
+            problem
+        })
+    })
 }
 
-fn usage(code: &str, detail: String, argument: &str) -> Problem {
-    Problem::new(400, code, detail).at(argument).hint("see medialrep run --help")
+const CHECK_PATH: &str = "check the path";
+
+/// A mask that can be opened; what is in it is not looked at.
+fn check_mask(mask: &Path) -> Result<(), Box<Problem>> {
+    let cannot = |why: &str, hint: &str| {
+        usage("cannot_open_mask", format!("cannot open the mask {}: {why}", mask.display()), "MASK", hint)
+    };
+    if mask.is_dir() {
+        return Err(cannot("it is a folder", "name one file in it, .nii or .nii.gz"));
+    }
+    match File::open(mask) {
+        Ok(_) => Ok(()),
+        Err(error) if error.kind() == ErrorKind::PermissionDenied => Err(cannot(&cause(&error), "make it readable")),
+        Err(error) => Err(cannot(&cause(&error), CHECK_PATH)),
+    }
+}
+
+/// A folder, made if need be, that can be written into: found out now, not after the work.
+fn check_folder(out: &Path) -> Result<(), Box<Problem>> {
+    const ELSEWHERE: &str = "name another folder";
+    if out.exists() && !out.is_dir() {
+        let detail = format!("{} is a file, a folder for the results is needed", out.display());
+        return Err(usage("cannot_make_folder", detail, "--out", ELSEWHERE));
+    }
+    std::fs::create_dir_all(out).map_err(|error| {
+        let detail = format!("cannot make the folder {} for the results: {}", out.display(), cause(&error));
+        usage("cannot_make_folder", detail, "--out", ELSEWHERE)
+    })?;
+    tempfile::NamedTempFile::new_in(out).map(|_| ()).map_err(|error| {
+        let detail = format!("cannot write into the folder {}: {}", out.display(), cause(&error));
+        usage("cannot_write_folder", detail, "--out", "make it writable, or name another folder")
+    })
+}
+
+fn usage(code: &str, detail: String, argument: &str, hint: &str) -> Box<Problem> {
+    Box::new(Problem::new(400, code, detail).at(argument).hint(hint))
+}
+
+fn failed(error: ProcessError, out: &Path) -> Box<Problem> {
+    match error {
+        ProcessError::Problem(problem) => problem,
+        ProcessError::Cancelled => Box::new(Problem::new(500, "cancelled", "the run was stopped")),
+        ProcessError::Io { doing, error } => {
+            let problem = Problem::of_storage(&error);
+            let detail = format!("{doing} failed: {}", cause(&error));
+            let hint = format!("look whether the disk of {} is full or at fault", out.display());
+            Box::new(Problem { detail, hint: Some(hint), ..problem })
+        }
+    }
 }
 
 /// What, where, what to do.
@@ -118,8 +173,15 @@ fn sentence(problem: &Problem) -> String {
 }
 
 fn exit_code(problem: &Problem) -> u8 {
-    const USAGE_CODES: [&str; 5] =
-        ["malformed_params", "invalid_params", "cannot_open_mask", "cannot_make_folder", "cannot_open_params"];
+    const USAGE_CODES: [&str; 7] = [
+        "malformed_params",
+        "invalid_params",
+        "cannot_open_mask",
+        "cannot_make_folder",
+        "cannot_write_folder",
+        "cannot_open_params",
+        "cannot_start_threads",
+    ];
     match problem.code.as_str() {
         _ if problem.status >= 500 => exit::INTERNAL,
         code if USAGE_CODES.contains(&code) => exit::USAGE,
@@ -134,58 +196,34 @@ fn print_problem(problem: &Problem) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A bar per stage, on a terminal only.
-struct Bars {
-    current: Option<Mutex<Current>>,
-}
-
-/// The bar on the screen, and the structure and stage it belongs to.
-struct Current {
-    of: Option<(usize, Stage)>,
-    bar: ProgressBar,
-}
-
-impl Bars {
-    fn new() -> Self {
-        let current =
-            std::io::stderr().is_terminal().then(|| Mutex::new(Current { of: None, bar: ProgressBar::hidden() }));
-        Self { current }
-    }
-
-    fn finish(&self) {
-        if let Some(Ok(guard)) = self.current.as_ref().map(Mutex::lock) {
-            guard.bar.finish();
+/// What became of each structure, on stdout.
+fn tell(structures: &[StructureSummary], arguments: &RunArgs) -> anyhow::Result<()> {
+    let text = match (arguments.quiet, arguments.json) {
+        (true, _) => return Ok(()),
+        (false, true) => json_lines(structures).context("writing the structures")?,
+        (false, false) => {
+            let stdout = io::stdout();
+            table(structures, width_of(&stdout), stdout.is_terminal() && is_color_wanted())
         }
+    };
+    match io::stdout().write_all(text.as_bytes()).and_then(|()| io::stdout().flush()) {
+        // Whoever reads has read enough.
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+        written => written.context("the results are there, but stdout cannot be written"),
     }
 }
 
-impl Cancel for Bars {}
-
-impl Observer for Bars {
-    fn progress(&self, structure: usize, structures: usize, stage: Stage, fraction: f64) {
-        let Some(Ok(mut guard)) = self.current.as_ref().map(Mutex::lock) else {
-            return;
-        };
-        if guard.of != Some((structure, stage)) {
-            guard.bar.finish();
-            guard.of = Some((structure, stage));
-            guard.bar = new_bar(structure, structures, stage);
-        }
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the steps of the bar")]
-        guard.bar.set_position((fraction.clamp(0.0, 1.0) * f64::from(BAR_STEPS)) as u64);
+/// Columns to use: those of the terminal, if it is a narrow one.
+fn width_of(stdout: &io::Stdout) -> usize {
+    match rustix::termios::tcgetwinsize(stdout) {
+        Ok(size) if size.ws_col > 0 => WIDTH.min(size.ws_col.into()),
+        _ => WIDTH,
     }
 }
 
-fn new_bar(structure: usize, structures: usize, stage: Stage) -> ProgressBar {
-    let bar = ProgressBar::new(u64::from(BAR_STEPS));
-    if let Ok(style) = ProgressStyle::with_template("{prefix:>9} {msg:9} {wide_bar} {percent:>3} % {elapsed:>4}") {
-        bar.set_style(style);
-    }
-    bar.set_message(stage.name());
-    if structures > 1 {
-        bar.set_prefix(format!("{} of {structures}", structure + 1));
-    }
-    bar
+/// See <https://no-color.org>.
+fn is_color_wanted() -> bool {
+    std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
 }
 
 #[cfg(test)]
@@ -206,6 +244,9 @@ mod tests {
             (Problem::from(&label), 3),
             (Problem::from(&Refusal::TooSmall { points: 1, needed: 9 }), 4),
             (Problem::from(&Refusal::TooManyPoints { points: 20_000, limit: 10_000 }), 4),
+            (*check_mask(Path::new("/")).unwrap_err(), 2),
+            (*check_folder(Path::new("/proc")).unwrap_err(), 2),
+            (*check_folder(Path::new("/dev/null")).unwrap_err(), 2),
             (Problem::internal(), 1),
         ] {
             assert_eq!(exit_code(&problem), code, "{}", problem.code);

@@ -9,7 +9,7 @@ use anyhow::Context;
 use clap::Args;
 use nalgebra::{Rotation3, Unit, Vector3};
 
-use super::{complain, exit};
+use super::{cause, complain, exit};
 use crate::formats::nifti_write;
 use crate::samples;
 
@@ -36,7 +36,7 @@ pub struct SampleArgs {
 /// Writes the sample, or prints the list.
 ///
 /// # Errors
-/// When the file cannot be written.
+/// When writing the file fails on the way.
 pub fn sample(arguments: SampleArgs) -> anyhow::Result<ExitCode> {
     if arguments.list {
         print_list();
@@ -46,7 +46,8 @@ pub fn sample(arguments: SampleArgs) -> anyhow::Result<ExitCode> {
         return Ok(wrong("a name and --out are needed"));
     };
     let Some(sample) = samples::by_name(&name) else {
-        return Ok(wrong("there is no such sample; see medialrep sample --list"));
+        let names: Vec<_> = samples::list().map(|(name, _)| name).collect();
+        return Ok(wrong(&format!("there is no sample of this name; there are {}", names.join(", "))));
     };
     let spacing_mm = match arguments.spacing[..] {
         [edge] => [edge; 3],
@@ -59,7 +60,13 @@ pub fn sample(arguments: SampleArgs) -> anyhow::Result<ExitCode> {
         Ok(volume) => volume,
         Err(error) => return Ok(wrong(&error.to_string())),
     };
-    let file = File::create(&out).context("cannot write the sample")?;
+    let file = match File::create(&out) {
+        Ok(file) => file,
+        Err(error) => {
+            let why = cause(&error);
+            return Ok(wrong(&format!("cannot write {}: {why}; name another file with --out", out.display())));
+        }
+    };
     nifti_write::write(&volume, BufWriter::new(file)).context("cannot write the sample")?;
     Ok(ExitCode::SUCCESS)
 }

@@ -8,8 +8,8 @@ use serde_json::value::RawValue;
 use super::params_schema::ParamsSchema;
 use crate::jobs::job::{Callback, CallbackState, CallbackTry, Job, JobState, JobWarning, MaskInfo, ResultFile};
 use crate::jobs::moves::Cause;
-use crate::jobs::running::Progress;
 use crate::jobs::service::JobStatus;
+use crate::pipeline::overall::Progress;
 use crate::problem::Problem;
 
 /// A job.

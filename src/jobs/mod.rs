@@ -48,7 +48,7 @@ pub mod error;
 
 pub mod changes;
 
-pub mod running;
+mod running;
 
 pub mod service;
 

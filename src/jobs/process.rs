@@ -11,8 +11,7 @@ use sha2::{Digest, Sha256};
 use crate::cancel::Cancelled;
 use crate::formats::thickness_json::{InputFacts, OuterTimings};
 use crate::formats::{self, ReadError, glb, hex, tables, thickness_json};
-use crate::model::Model;
-use crate::model::{Stage, Warning};
+use crate::model::{Model, Reason, Refusal, Stage, Structure, Verdict, Warning};
 use crate::params::CheckedParams;
 use crate::pipeline::observer::{Observer, Silent};
 use crate::pipeline::{self, PipelineError};
@@ -50,6 +49,48 @@ pub struct Processed {
     pub warnings: Vec<Warning>,
     /// Seconds of each stage, of all structures together.
     pub stage_seconds: Vec<(Stage, f64)>,
+    /// What became of each structure, in the order of the model.
+    pub structures: Vec<StructureSummary>,
+}
+
+/// What became of one structure, in a few words.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StructureSummary {
+    /// Its value in the file.
+    pub label: i64,
+    /// What it is called, where that is known.
+    pub name: Option<String>,
+    /// What was measured, or why there is nothing to measure.
+    pub found: Result<Measured, Refusal>,
+}
+
+/// A structure's representation, in a few words.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Measured {
+    /// Number of figures.
+    pub figures: usize,
+    /// How far they can be trusted.
+    pub verdict: Verdict,
+    /// Mean of the total thickness over the area of all sheets, mm; `None` without any area.
+    pub mean_thickness_mm: Option<f64>,
+    /// Why the verdict is not a pass.
+    pub reasons: Vec<Reason>,
+}
+
+impl From<&Structure> for StructureSummary {
+    fn from(structure: &Structure) -> Self {
+        let mean_mm = structure.thickness_summary().total_mm.mean;
+        let found = match &structure.refusal {
+            Some(refusal) => Err(refusal.clone()),
+            None => Ok(Measured {
+                figures: structure.figures.len(),
+                verdict: structure.quality.verdict,
+                mean_thickness_mm: mean_mm.is_finite().then_some(mean_mm),
+                reasons: structure.quality.reasons.clone(),
+            }),
+        };
+        Self { label: structure.label, name: None, found }
+    }
 }
 
 /// Why a mask was not processed.
@@ -57,8 +98,15 @@ pub struct Processed {
 pub enum ProcessError {
     /// The observer asked to stop; nothing is left in the output folder.
     Cancelled,
-    /// The file or the shape cannot be processed, or our own fault (status 500).
+    /// The file or the shape cannot be processed.
     Problem(Box<Problem>),
+    /// Reading the mask or writing the results failed: the disk's fault or ours.
+    Io {
+        /// What failed.
+        doing: &'static str,
+        /// Why.
+        error: io::Error,
+    },
 }
 
 impl From<Problem> for ProcessError {
@@ -75,12 +123,11 @@ impl From<Cancelled> for ProcessError {
 
 impl From<ReadError> for ProcessError {
     fn from(error: ReadError) -> Self {
-        match &error {
-            ReadError::Cancelled(_) => return Self::Cancelled,
-            ReadError::Io(error) => tracing::error!(%error, "reading the mask failed"),
-            _ => {}
+        match error {
+            ReadError::Cancelled(_) => Self::Cancelled,
+            ReadError::Io(error) => Self::Io { doing: "reading the mask", error },
+            error => Problem::from(&error).into(),
         }
-        Problem::from(&error).into()
     }
 }
 
@@ -98,8 +145,7 @@ impl From<io::Error> for ProcessError {
         if error.get_ref().is_some_and(|inner| inner.is::<Cancelled>()) {
             return Self::Cancelled;
         }
-        tracing::error!(%error, "writing the results failed");
-        Problem::of_storage(&error).into()
+        Self::Io { doing: "writing the results", error }
     }
 }
 
@@ -171,7 +217,8 @@ pub fn publish(model: &Model, source: &Source, out: &Path, observer: &dyn Observ
     draft.complete()?;
     let of_structures = model.structures.iter().flat_map(|structure| &structure.warnings);
     let warnings = source.warnings.iter().chain(of_structures).cloned().collect();
-    Ok(Processed { artifacts, warnings, stage_seconds: stage_seconds(model) })
+    let structures = model.structures.iter().map(StructureSummary::from).collect();
+    Ok(Processed { artifacts, warnings, stage_seconds: stage_seconds(model), structures })
 }
 
 fn stage_seconds(model: &Model) -> Vec<(Stage, f64)> {

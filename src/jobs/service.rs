@@ -17,12 +17,13 @@ use super::error::JobsError;
 use super::job::{Job, JobId, JobState, ResultFile};
 use super::limits::JobLimits;
 use super::place::{OpenError, Place};
-use super::running::{Progress, Running, RunningJobs};
+use super::running::{Running, RunningJobs};
 use super::store::blobs::Blobs;
 use super::store::liveness::Instance;
 use super::store::{CancelAnswer, Lease, ListQuery, QueueLimits, RetryAnswer, Store};
 use crate::audit::{Action, Audit, Entry};
 use crate::metrics::{Metrics, Now};
+use crate::pipeline::overall::Progress;
 use crate::webhook::Sender;
 
 /// How long a deletion waits for a running job to let go of its files.

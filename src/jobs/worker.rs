@@ -275,6 +275,10 @@ impl Attempt {
                 ))
             }
             Err(ProcessError::Cancelled) => Outcome::Canceled,
+            Err(ProcessError::Io { doing, error }) => {
+                tracing::error!(%error, "{doing} failed");
+                Outcome::Failed(Box::new(Problem::of_storage(&error)))
+            }
             Err(ProcessError::Problem(problem)) => {
                 if problem.is_our_fault() {
                     tracing::error!(code = problem.code, "the run failed through our fault");

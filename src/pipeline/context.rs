@@ -98,20 +98,26 @@ impl<'a> Context<'a> {
     ) -> Result<T, E> {
         self.check()?;
         self.notes().running = Some((stage, part));
-        self.advance(0.0);
+        self.tell(0.0);
         let start = Instant::now();
         let result = work();
         self.notes().timings.add(stage, start.elapsed());
-        if result.is_ok() {
-            self.advance(1.0);
-        }
-        result
+        let done = result?;
+        self.check()?;
+        self.tell(1.0);
+        Ok(done)
     }
 
     /// Reports that this share of the stage, or of the part of it, is done; nothing once the run is to stop.
     pub fn advance(&self, share: f64) {
+        if !self.is_cancelled() {
+            self.tell(share);
+        }
+    }
+
+    fn tell(&self, share: f64) {
         let running = self.notes().running;
-        if let (Some((stage, part)), false) = (running, self.is_cancelled()) {
+        if let Some((stage, part)) = running {
             self.observer.progress(self.structure, self.structures, stage, part.share(share));
         }
     }

@@ -5,6 +5,8 @@ pub mod observer;
 
 pub mod context;
 
+pub mod overall;
+
 pub mod solid;
 
 pub mod medial;

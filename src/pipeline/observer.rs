@@ -5,12 +5,18 @@ use crate::model::Stage;
 
 /// Listens to a run, and may stop it ([`Cancel`]). Called from worker threads.
 pub trait Observer: Cancel {
+    /// Structures of so many voxels will be worked on; said once, before all else.
+    fn begun(&self, _voxels: &[u64]) {}
+
     /// `stage` of structure `structure` of `structures` has reached `fraction` (0 to 1). A structure of several
     /// sheets goes through some stages once for each sheet: then `fraction` is that of all sheets.
     fn progress(&self, structure: usize, structures: usize, stage: Stage, fraction: f64);
 
     /// `done` of the `repeats` that follow the stages of a structure are done; said with 0 before the first stage.
     fn repeated(&self, _structure: usize, _structures: usize, _done: usize, _repeats: usize) {}
+
+    /// All is done of a structure, whether it has a medial representation or not.
+    fn ended(&self, _structure: usize, _structures: usize) {}
 }
 
 /// An observer that hears nothing and never stops a run.

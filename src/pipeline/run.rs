@@ -29,13 +29,16 @@ use crate::space::LabelVolume;
 pub fn run(volume: &LabelVolume, params: &CheckedParams, observer: &dyn Observer) -> Result<Model, PipelineError> {
     let indices = label_indices(volume, params)?;
     let boxes = label_boxes(volume, observer)?;
+    observer.begun(&indices.iter().map(|&index| volume.label_voxels[usize::from(index)]).collect::<Vec<_>>());
     let structure = |number: usize| {
         let index = indices[number];
         let bounds = boxes[usize::from(index)].ok_or(Refusal::EmptyMask)?;
         let context = Context::new(params, observer, number, indices.len());
         let work = || structure(volume, Label { index, bounds }, context);
         let is_small = bounds.voxels() <= SMALL_BOX;
-        Ok::<Structure, PipelineError>(if is_small { on_one_thread(work)? } else { work()? })
+        let structure = if is_small { on_one_thread(work)? } else { work()? };
+        observer.ended(number, indices.len());
+        Ok::<Structure, PipelineError>(structure)
     };
     let mut order: Vec<usize> = (0..indices.len()).collect();
     order.sort_by_key(|&number| Reverse(boxes[usize::from(indices[number])].map_or(0, |bounds| bounds.voxels())));

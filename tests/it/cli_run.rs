@@ -64,6 +64,70 @@ fn wrong_usage_ends_with_2() {
 }
 
 #[test]
+fn what_goes_wrong_in_the_first_minutes_is_told_in_one_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, bytes: &[u8]| {
+        std::fs::write(folder.path().join(name), bytes).unwrap();
+        text(&folder.path().join(name)).to_owned()
+    };
+    let nothing = Nifti { voxels: vec![0; 24], ..Nifti::small(1) };
+    let (mask, empty) = (file("m.nii", &Nifti::small(1).bytes()), file("e.nii", &nothing.bytes()));
+    let (picture, params) = (file("p.png", b"\x89PNG\r\n\x1a\n"), file("p.json", b"{}"));
+    let (dir, out) = (text(folder.path()), text(&folder.path().join("out")).to_owned());
+    let run = |mask: &str, out: &str, params: &str| ["run", mask, "--out", out, "--params", params].map(str::to_owned);
+    for (arguments, code, words) in [
+        (run(dir, &out, "{}"), 2, vec![dir, "is a folder", "name one file"]),
+        (run("/nowhere.nii", &out, "{}"), 2, vec!["/nowhere.nii", "No such file", "check the path"]),
+        (run(&mask, &params, "{}"), 2, vec![&params, "is a file", "name another folder"]),
+        (run(&mask, "/proc", "{}"), 2, vec!["cannot write into the folder /proc", "make it writable"]),
+        (run(&mask, "/proc/results", "{}"), 2, vec!["cannot make the folder /proc/results", "name another folder"]),
+        (run(&picture, &out, "{}"), 3, vec!["it looks like a PNG picture", "NIfTI"]),
+        (run(&empty, &out, "{}"), 3, vec!["the mask is empty", "at least one non-zero voxel"]),
+        (run(&mask, &out, "{grid: 6}"), 2, vec!["not valid JSON", "line 1 column 2", "such as"]),
+        (run(&mask, &out, &params), 2, vec!["not valid JSON", "--params @"]),
+        (run(&mask, &out, "@/nowhere.json"), 2, vec!["/nowhere.json", "No such file", "check the path"]),
+        (run(&mask, &out, "{\"gird\": 6}"), 2, vec!["gird", "unknown name", "labels, grid, "]),
+        (["sample", "leafs", "--out", &out, "--spacing", "1"].map(str::to_owned), 2, vec!["no sample", "leaf, "]),
+        (["sample", "leaf", "--out", dir, "--spacing", "1"].map(str::to_owned), 2, vec!["cannot write", dir, "--out"]),
+        (["run", &mask, "--params", "{}", "--threads", "2"].map(str::to_owned), 2, vec!["--out <DIR>", "run --help"]),
+    ] {
+        let done = medialrep(&arguments.each_ref().map(String::as_str));
+        let line = String::from_utf8(done.stderr).unwrap();
+        assert_eq!((done.status.code(), line.lines().count()), (Some(code), 1), "{arguments:?}: {line}");
+        assert!(line.starts_with("medialrep: ") && done.stdout.is_empty(), "{line}");
+        for word in words {
+            assert!(line.contains(word), "{word}: {line}");
+        }
+    }
+}
+
+#[test]
+fn a_run_ends_with_what_became_of_each_structure() {
+    let folder = tempfile::tempdir().unwrap();
+    let mask = folder.path().join("m.nii.gz");
+    assert!(medialrep(&["sample", "slab", "--out", text(&mask), "--spacing", "2"]).status.success());
+    let run = |option: &[&str]| {
+        let done = medialrep(&[&["run", text(&mask), "--out", text(folder.path())], option].concat());
+        assert!(done.status.success() && done.stderr.is_empty(), "{}", String::from_utf8_lossy(&done.stderr));
+        String::from_utf8(done.stdout).unwrap()
+    };
+    let table = run(&[]);
+    let lines: Vec<Vec<&str>> = table.lines().map(|line| line.split_whitespace().collect()).collect();
+    assert_eq!(lines[0].join(" "), "label figures verdict mean thickness first reason", "{table}");
+    let written: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(folder.path().join("thickness.json")).unwrap()).unwrap();
+    let structure = &written["structures"][0];
+    let (mean, verdict) = (&structure["thickness_summary"]["total_mm"]["mean"], &structure["quality"]["verdict"]);
+    let shown = format!("{:.2}", mean.as_f64().unwrap());
+    assert_eq!(lines[1][..5], ["1", "1", verdict.as_str().unwrap(), &shown, "mm"], "{table}");
+
+    let line: serde_json::Value = serde_json::from_str(&run(&["--json"])).unwrap();
+    assert_eq!((&line["mean_thickness_mm"], &line["verdict"]), (mean, verdict));
+    assert_eq!((&line["label"], &line["figures"], &line["name"]), (&1.into(), &1.into(), &serde_json::Value::Null));
+    assert_eq!(run(&["--quiet"]), "");
+}
+
+#[test]
 fn parameters_may_come_from_a_file() {
     let folder = tempfile::tempdir().unwrap();
     let (mask, params) = (folder.path().join("m.nii"), folder.path().join("p.json"));

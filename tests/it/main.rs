@@ -30,6 +30,8 @@ mod jobs_versions;
 
 mod cli_run;
 
+mod first_contact;
+
 mod phantoms;
 
 mod pipeline_shapes;

@@ -29,7 +29,7 @@ fn is_cancelled(folder: &Path, observer: &dyn Observer) -> bool {
     match process(&folder.join("mask.nii.gz"), &params, InputLimits::default(), folder, observer) {
         Ok(_) => false,
         Err(ProcessError::Cancelled) => true,
-        Err(ProcessError::Problem(problem)) => panic!("{}", problem.detail),
+        Err(error) => panic!("{error:?}"),
     }
 }
 

@@ -260,6 +260,7 @@ pub fn writes() -> Processor {
             artifacts: artifacts.to_vec(),
             warnings: vec![warning],
             stage_seconds: vec![(Stage::Isomap, 0.5)],
+            structures: Vec::new(),
         })
     })
 }
