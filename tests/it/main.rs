@@ -6,6 +6,8 @@
     reason = "a test fails by panicking and says in plain text what it left out; helpers count as tests"
 )]
 
+mod left_out;
+
 mod nifti_bytes;
 
 mod models;
@@ -49,6 +51,7 @@ mod pipeline_auto;
 mod pipeline_cut;
 
 mod pipeline_legality;
+
 mod pipeline_uncertainty;
 
 mod pipeline_quality;
