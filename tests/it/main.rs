@@ -6,6 +6,9 @@
     reason = "a test fails by panicking and says in plain text what it left out; helpers count as tests"
 )]
 
+#[path = "../measure/mod.rs"]
+mod measure;
+
 mod left_out;
 
 mod nifti_bytes;
@@ -33,6 +36,8 @@ mod cli_run;
 mod phantoms;
 
 mod pipeline_shapes;
+
+mod accuracy;
 
 mod pipeline_input;
 

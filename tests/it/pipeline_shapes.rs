@@ -5,7 +5,7 @@ use medialrep::samples::Sample;
 use medialrep::space::{LabelVolume, WorldFromVoxel};
 use nalgebra::Rotation3;
 
-use crate::phantoms::{check_invariants, counted, drift, model_of, params, rms, sample, turned, volume};
+use crate::phantoms::{check_invariants, drift, model_of, params, rms, roughened, sample, turned, volume};
 
 /// Bars of one shape, in voxels of 1 mm. Flat faces that lie along the grid cannot be placed
 /// better than half a voxel.
@@ -109,26 +109,6 @@ fn a_wye_is_three_sheets_that_meet_in_one_hinge() {
 #[test]
 fn a_cross_is_four_sheets_that_meet_in_one_hinge() {
     check_branching("cross", 4);
-}
-
-/// Flips a share of the voxels that touch the boundary, by a fixed pseudo-random sequence.
-fn roughened(volume: &LabelVolume, share: f64) -> LabelVolume {
-    let old = volume.indices.as_slice();
-    let [nx, ny, _] = volume.indices.dims();
-    let mut new = volume.indices.clone();
-    let mut state = 0x2545_F491_4F6C_DD1Du64;
-    for o in nx * ny + nx + 1..old.len() - nx * ny - nx - 1 {
-        let around = [o - 1, o + 1, o - nx, o + nx, o - nx * ny, o + nx * ny];
-        if around.iter().any(|&n| old[n] != old[o]) {
-            state ^= state << 13;
-            state ^= state >> 7;
-            state ^= state << 17;
-            if (state % 10_000) as f64 / 10_000.0 < share {
-                new.as_mut_slice()[o] = 1 - old[o];
-            }
-        }
-    }
-    counted(new, volume.world_from_voxel)
 }
 
 #[test]
