@@ -57,6 +57,8 @@ mod pipeline_cut;
 
 mod pipeline_legality;
 
+mod pipeline_folds;
+
 mod pipeline_uncertainty;
 
 mod pipeline_quality;

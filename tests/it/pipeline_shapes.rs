@@ -1,6 +1,5 @@
 //! The pipeline on shapes with a known answer.
 
-use medialrep::pipeline::model::Verdict;
 use medialrep::samples::Sample;
 use medialrep::space::{LabelVolume, WorldFromVoxel};
 use nalgebra::Rotation3;
@@ -176,17 +175,6 @@ fn every_thread_count_gives_the_same_result() {
                 assert_eq!((&f.medial, &f.upper, &f.lower, &f.crest), (&g.medial, &g.upper, &g.lower, &g.crest));
                 assert_eq!(f.points, g.points);
             }
-        }
-    }
-}
-
-#[test]
-fn no_result_with_a_fold_passes() {
-    for name in ["bent_even", "leaf", "tee", "cross"] {
-        for structure in model_of(&volume(name), params()).structures {
-            let folds = structure.figures.iter().map(|f| f.quality.folds).sum::<usize>();
-            assert_eq!(folds, structure.quality.folds);
-            assert!(folds == 0 || structure.quality.verdict == Verdict::Fail);
         }
     }
 }
