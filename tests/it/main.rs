@@ -59,6 +59,8 @@ mod pipeline_legality;
 
 mod pipeline_folds;
 
+mod pipeline_paper;
+
 mod pipeline_uncertainty;
 
 mod pipeline_quality;
