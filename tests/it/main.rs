@@ -39,6 +39,10 @@ mod pipeline_shapes;
 
 mod accuracy;
 
+mod organs;
+
+mod golden;
+
 mod pipeline_input;
 
 mod pipeline_stages;
