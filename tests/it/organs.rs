@@ -14,7 +14,7 @@ pub type Organ = (&'static str, &'static str, fn() -> LabelVolume);
 
 /// All of them.
 pub const ORGANS: [Organ; 6] = [
-    ("kidney", "a thick bowl that cannot be laid flat, 1.5 mm", kidney),
+    ("kidney", "a thick bowl that is cut in two, 1.5 mm", kidney),
     ("caudate", "a bent and twisted leaf with a thin tail, 0.5 mm", caudate),
     ("hippocampus", "a curled strip with a tail in slices of 3 mm", hippocampus),
     ("spleen", "a bent plate with a notch in its rim, slices of 4 mm", spleen),
@@ -32,15 +32,15 @@ fn centred(share: f64) -> f64 {
     2.0 * share - 1.0
 }
 
-/// The outer half of an egg, open towards the body's middle: bent in both directions.
+/// Most of the skin of an egg, open on one side: bent in both directions, it cannot be laid flat in one piece.
 fn kidney() -> LabelVolume {
     let bowl = Patch::new(
         |s, t| {
-            let (long, round) = (centred(s) * 0.9, centred(t) * 1.75);
-            let girth = 13.0 * (long * FRAC_PI_2).cos();
-            Point3::new(61.3 + girth * round.cos(), -40.2 + 1.1 * girth * round.sin(), 27.0 * (long * FRAC_PI_2).sin())
+            let (long, round) = (centred(s) * 0.9, centred(t) * 2.0);
+            let girth = 20.0 * (long * FRAC_PI_2).cos();
+            Point3::new(61.3 + girth * round.cos(), -40.2 + 1.1 * girth * round.sin(), 30.0 * (long * FRAC_PI_2).sin())
         },
-        |s, t| 9.5 - 3.0 * centred(s).powi(2) - 2.0 * centred(t).powi(2),
+        |s, t| 7.0 - 1.5 * centred(s).powi(2) - centred(t).powi(2),
     );
     roughened(&mask(vec![bowl], [1.5; 3], Rotation3::from_euler_angles(0.13, 0.21, 0.34)), 0.03)
 }
