@@ -1,6 +1,6 @@
 # What one does here. `make run` and `make test` are all that a newcomer needs.
 
-.PHONY: run test web bench fuzz soak contract lint openapi image-check deny clean
+.PHONY: run test web bench accuracy fuzz soak contract lint openapi image-check deny clean
 
 # The service and its page on 127.0.0.1:8080, with a sample job already sent.
 run:
@@ -19,6 +19,12 @@ web:
 # What each stage costs at three sizes, and the whole, on one thread.
 bench:
 	cargo bench --locked --bench stages
+
+# Measures how accurate the program is on shapes with a known answer, writes docs/accuracy.json, which a test
+# holds, and prints it as the tables of the README; a few minutes.
+accuracy:
+	@cargo run --quiet --locked --release --example accuracy
+	@cargo run --quiet --locked --release --example accuracy -- --table
 
 # Fuzzes the readers of files, parameters and forms, FUZZ_SECONDS each (1800), and keeps what was found
 # in fuzz/corpus, which `make test` replays; needs a C++ compiler.

@@ -10,18 +10,27 @@ make --no-print-directory web || exit 1
 echo "building the program and its tests ... (the first time this takes some minutes)"
 cargo test --locked --no-run --quiet || exit 1
 
+# Cargo hides what passing tests print, so tests append what they leave out to a file, a line for each.
 log=$(mktemp)
-trap 'rm -f "$log"' EXIT
+left_out=$(mktemp)
+trap 'rm -f "$log" "$left_out"' EXIT
+export MEDIALREP_LEFT_OUT=$left_out
+
 cargo test --locked --no-fail-fast "$@" 2>&1 | tee "$log"
 status=$?
-# With a filter, the tests of the page are left out.
+# Cargo counts these as passed, vitest does not.
+not_passed=$(sort -u "$left_out" | wc -l)
 if [ $# -eq 0 ]; then
     program=$(cargo build --locked --message-format=json 2>/dev/null | sed -n 's/.*"executable":"\([^"]*\/medialrep\)".*/\1/p')
     (cd web && MEDIALREP_PROGRAM=$program MEDIALREP_BROWSER=$browser NO_COLOR=1 npm test --silent) 2>&1 | tee -a "$log" || status=1
+else
+    echo "left out: all tests of the page: a filter was given" >>"$left_out"
 fi
-awk '
+echo
+sort -u "$left_out"
+awk -v not_passed="$not_passed" -v left_out="$(sort -u "$left_out" | wc -l)" '
     /^test result:/ { passed += $4; failed += $6 }
     /^ +Tests / { for (i = 2; i <= NF; i++) { if ($i == "passed") passed += $(i - 1); if ($i == "failed") failed += $(i - 1) } }
-    END { printf "\n%d passed, %d failed\n", passed, failed }
+    END { printf "\n%d passed, %d failed, %d left out\n", passed - not_passed, failed, left_out }
 ' "$log"
 exit $status

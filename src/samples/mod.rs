@@ -42,7 +42,9 @@ pub struct Sample {
 }
 
 impl Sample {
-    fn new(name: &'static str, about: &'static str, solids: Vec<Solid>) -> Self {
+    /// From a name, what it is in a few words, and its solids, each with a label of its own.
+    #[must_use]
+    pub fn new(name: &'static str, about: &'static str, solids: Vec<Solid>) -> Self {
         Self { name, about, solids }
     }
 
@@ -92,7 +94,9 @@ struct Band {
 }
 
 impl Solid {
-    fn new(label: u16, patches: Vec<Patch>) -> Self {
+    /// From its value in a label map, not 0, and its sheets.
+    #[must_use]
+    pub fn new(label: u16, patches: Vec<Patch>) -> Self {
         let balls: Vec<Vec<Ball>> = patches.iter().map(Patch::balls).collect();
         let sheet_trees = balls.iter().map(|part| tree_of(part.iter())).collect();
         let bands = bands(&balls);

@@ -35,10 +35,25 @@ impl Sample {
     /// # Errors
     /// When the spacing is no length or makes the volume too large.
     pub fn voxelise(&self, spacing_mm: [f64; 3], turn: Rotation3<f64>) -> Result<LabelVolume, VoxeliseError> {
+        self.voxelise_at(spacing_mm, turn, [0.0; 3])
+    }
+
+    /// As [`Self::voxelise`], on a grid that begins a further `phase` outside of the sample, in voxels. At
+    /// phase 0 the outermost points lie at centres of voxels, and with them flat faces that lie along the grid:
+    /// which voxels such a face takes is decided by rounding.
+    ///
+    /// # Errors
+    /// When the spacing is no length or makes the volume too large.
+    pub fn voxelise_at(
+        &self,
+        spacing_mm: [f64; 3],
+        turn: Rotation3<f64>,
+        phase: [f64; 3],
+    ) -> Result<LabelVolume, VoxeliseError> {
         if spacing_mm.iter().any(|s| !s.is_finite() || *s <= 0.0) {
             return Err(VoxeliseError::Spacing(spacing_mm));
         }
-        let (dims, world_from_voxel) = self.frame(spacing_mm, turn)?;
+        let (dims, world_from_voxel) = self.frame(spacing_mm, turn, phase)?;
         let mut indices = Grid::filled(dims, 0_u16);
         let mut by_label: Vec<(u16, &Solid)> = self.solids().iter().map(|solid| (solid.label(), solid)).collect();
         by_label.sort_by_key(|(label, _)| *label);
@@ -55,7 +70,12 @@ impl Sample {
     }
 
     /// The smallest grid of these axes that holds all balls.
-    fn frame(&self, spacing_mm: [f64; 3], turn: Rotation3<f64>) -> Result<([usize; 3], WorldFromVoxel), VoxeliseError> {
+    fn frame(
+        &self,
+        spacing_mm: [f64; 3],
+        turn: Rotation3<f64>,
+        phase: [f64; 3],
+    ) -> Result<([usize; 3], WorldFromVoxel), VoxeliseError> {
         let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
         for ball in self.solids().iter().flat_map(Solid::balls) {
             let local = turn.inverse() * ball.center.coords;
@@ -63,7 +83,7 @@ impl Sample {
             high = high.sup(&local.add_scalar(ball.radius_mm));
         }
         let spacing = Vector3::from(spacing_mm);
-        let first = low - spacing * MARGIN_VOXELS;
+        let first = low - spacing.component_mul(&Vector3::from(phase).add_scalar(MARGIN_VOXELS));
         let extent = (high - first).component_div(&spacing).add_scalar(MARGIN_VOXELS + 1.0).map(f64::ceil);
         let voxels = extent.product();
         if voxels > MAX_VOXELS {

@@ -6,13 +6,16 @@ use std::path::{Path, PathBuf};
 use medialrep::formats::{InputLimits, read_file};
 use nalgebra::{Point3, Vector3};
 
+use crate::left_out::left_out;
+
 /// The folder of real segmentations: `MEDIALREP_SHARED`, else `../shared` beside the
-/// repository. `None`, with a word, when it is not there.
+/// repository. `None` when it is not there.
+#[track_caller]
 fn shared_data() -> Option<PathBuf> {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared");
     let folder = std::env::var_os("MEDIALREP_SHARED").map_or_else(beside, PathBuf::from).join("data");
     if !folder.is_dir() {
-        println!("skipped: no real files at {}", folder.display());
+        left_out(&format!("no real files at {}", folder.display()));
         return None;
     }
     Some(folder)

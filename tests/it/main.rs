@@ -6,6 +6,11 @@
     reason = "a test fails by panicking and says in plain text what it left out; helpers count as tests"
 )]
 
+#[path = "../measure/mod.rs"]
+mod measure;
+
+mod left_out;
+
 mod nifti_bytes;
 
 mod models;
@@ -36,6 +41,12 @@ mod phantoms;
 
 mod pipeline_shapes;
 
+mod accuracy;
+
+mod organs;
+
+mod golden;
+
 mod pipeline_input;
 
 mod pipeline_stages;
@@ -53,6 +64,11 @@ mod pipeline_auto;
 mod pipeline_cut;
 
 mod pipeline_legality;
+
+mod pipeline_folds;
+
+mod pipeline_paper;
+
 mod pipeline_uncertainty;
 
 mod pipeline_quality;

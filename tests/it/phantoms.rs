@@ -1,7 +1,8 @@
-//! Analytic shapes and what is measured on their results.
+//! Analytic shapes and what is true of every result.
 
-use medialrep::model::{Figure, Model};
-use medialrep::params::{CheckedParams, GridChoice, Params};
+use medialrep::formats::params_json;
+use medialrep::model::Model;
+use medialrep::params::{CheckedParams, Params};
 use medialrep::pipeline::context::Context;
 use medialrep::pipeline::observer::Silent;
 use medialrep::pipeline::solid::cut_out::{Label, label_boxes};
@@ -9,8 +10,13 @@ use medialrep::pipeline::solid::depth::{Depth, depth};
 use medialrep::pipeline::solid::{Masked, Solid, masked};
 use medialrep::pipeline::{PipelineError, run};
 use medialrep::samples::{Sample, by_name};
-use medialrep::space::{Grid, LabelVolume, WorldFromVoxel, WorldPoint};
-use nalgebra::{Rotation3, Unit, Vector3};
+use medialrep::space::{Grid, LabelVolume, WorldFromVoxel};
+use nalgebra::Rotation3;
+
+pub use crate::measure::accuracy::{figure_drift as drift, rms};
+use crate::measure::shapes::PHASE;
+pub use crate::measure::shapes::{counted, roughened, turned};
+pub use crate::measure::{params, run_of};
 
 pub fn sample(name: &str) -> Sample {
     by_name(name).expect("a sample of that name")
@@ -20,22 +26,18 @@ pub fn volume(name: &str) -> LabelVolume {
     sample(name).voxelise([1.0; 3], Rotation3::identity()).expect("fits in memory")
 }
 
-/// A grid that lies oblique to the world.
-pub fn turned() -> Rotation3<f64> {
-    Rotation3::from_axis_angle(&Unit::new_normalize(Vector3::new(1.0, 2.0, 3.0)), 37.0f64.to_radians())
-}
-
-/// The lattice that results are compared on.
-pub fn params() -> Params {
-    Params { grid: GridChoice::Fixed { rows: 12, cols: 20 }, margin: 0.02, ..Params::default() }
+/// As [`volume`], at a phase of the grid at which no voxel of a flat face is decided by rounding.
+pub fn plain(name: &str) -> LabelVolume {
+    sample(name).voxelise_at([1.0; 3], Rotation3::identity(), PHASE).expect("fits in memory")
 }
 
 pub fn model_of(volume: &LabelVolume, params: Params) -> Model {
     run_of(volume, params).expect("the shape has a medial representation")
 }
 
-pub fn run_of(volume: &LabelVolume, params: Params) -> Result<Model, PipelineError> {
-    run(volume, &params.check().expect("params in range"), &Silent)
+/// Runs with parameters as a user writes them.
+pub fn run_with(volume: &LabelVolume, params: &str) -> Result<Model, PipelineError> {
+    run(volume, &params_json::parse(params.as_bytes()).expect("parameters in range"), &Silent)
 }
 
 /// Parameters that nothing is asked for in.
@@ -65,27 +67,6 @@ pub fn painted(dims: [usize; 3], spacing_mm: [f64; 3], label_at: impl Fn([usize;
         indices.as_mut_slice()[offset] = label_at(indices.index(offset));
     }
     counted(indices, WorldFromVoxel::axis_aligned(spacing_mm, [0.0; 3]).expect("a box"))
-}
-
-/// Labels equal to their indices.
-pub fn counted(indices: Grid<u16>, world_from_voxel: WorldFromVoxel) -> LabelVolume {
-    let most = usize::from(*indices.as_slice().iter().max().expect("voxels"));
-    let mut label_voxels = vec![0u64; most + 1];
-    indices.as_slice().iter().for_each(|&l| label_voxels[usize::from(l)] += 1);
-    let label_values = (0..=i64::try_from(most).expect("small")).collect();
-    LabelVolume { indices, label_values, label_voxels, world_from_voxel, notices: Vec::new() }
-}
-
-pub fn rms(values: impl Iterator<Item = f64>) -> f64 {
-    let (sum, count) = values.fold((0.0, 0.0), |(s, n), v| (s + v * v, n + 1.0));
-    (sum / f64::max(count, 1.0)).sqrt()
-}
-
-/// Root mean square distance between the nodes of two figures.
-pub fn drift(a: &Figure, b: &Figure) -> f64 {
-    let pairs = |x: &[WorldPoint], y: &[WorldPoint]| x.iter().zip(y).map(|(p, q)| (p - q).norm()).collect::<Vec<_>>();
-    let all = [pairs(&a.medial, &b.medial), pairs(&a.upper, &b.upper), pairs(&a.lower, &b.lower)];
-    rms(all.into_iter().flatten())
 }
 
 /// Structural truths of every result.

@@ -5,12 +5,11 @@ use medialrep::formats::thickness_json::{self, InputFacts, OuterTimings};
 use medialrep::model::LatticeSize;
 use medialrep::model::node_areas;
 use medialrep::model::{
-    Coverage, DistanceSummary, Distortion, Figure, FigureQuality, MeanAndP95, Model, Repair, StructureQuality, Verdict,
+    Coverage, DistanceSummary, Distortion, Figure, FigureQuality, Model, Repair, StructureQuality, Verdict,
 };
 use medialrep::params::Params;
 use medialrep::pipeline::draft::Draft;
-use medialrep::pipeline::quality::coverage::SkinSearch;
-use medialrep::pipeline::quality::measures::{FlatQuads, medial_offset};
+use medialrep::pipeline::quality::measures::FlatQuads;
 use medialrep::pipeline::quality::verdict::judge;
 use medialrep::pipeline::quality::{figure_quality, quality};
 use medialrep::pipeline::vectors::Nodes;
@@ -142,8 +141,8 @@ fn a_sheet_stretched_on_one_half_has_the_logarithms_of_its_shares() {
     assert!((quads.distortion().area_max_log - 2.0f64.ln()).abs() < 1e-9);
 }
 
-/// A box of 24 × 30 × 12 voxels and a slab of nodes in it, `shift` above the middle.
-fn boxed(shift: f64) -> (StructureQuality, Vec<FigureQuality>, MeanAndP95) {
+/// A box of 24 × 30 × 12 voxels and a slab of nodes in it, of which some are moved.
+pub fn boxed(change: impl FnOnce(&mut Nodes)) -> (StructureQuality, FigureQuality) {
     let inside = |[i, j, k]: [usize; 3]| (4..28).contains(&i) && (4..34).contains(&j) && (4..16).contains(&k);
     let volume = painted([32, 38, 20], [1.0; 3], |at| u16::from(inside(at)));
     let (solid, depth) = deepened(&volume);
@@ -156,27 +155,25 @@ fn boxed(shift: f64) -> (StructureQuality, Vec<FigureQuality>, MeanAndP95) {
             *p = Point3::from(middle + Vector3::new(from.x * 11.0 / 4.0, from.y * 14.0 / 7.0, from.z * 4.0));
         }
     }
-    nodes.medial.iter_mut().for_each(|p| p.z += shift);
-    let offset = medial_offset(&nodes, &SkinSearch::of(&depth.skin, &Never).unwrap(), &Never).unwrap();
+    change(&mut nodes);
     let params = defaults();
-    let measured = quality(&solid, &depth, &[Some(drafted(nodes))], 0, &context(&params)).unwrap();
-    (measured.structure, measured.figures, offset)
+    let mut measured = quality(&solid, &depth, &[Some(drafted(nodes))], 0, &context(&params)).unwrap();
+    (measured.structure, measured.figures.remove(0))
 }
 
 #[test]
 fn nodes_off_the_middle_are_measured_by_the_nearest_skin() {
-    let (_, _, centred) = boxed(0.0);
+    let centred = boxed(|_| ()).1.medial_offset;
     assert!(centred.p95 < 0.02, "{centred:?}");
     // 2 of 6 off the middle: |8 − 4| / 12.
-    let (_, qualities, shifted) = boxed(2.0);
+    let shifted = boxed(|nodes| nodes.medial.iter_mut().for_each(|p| p.z += 2.0)).1.medial_offset;
     assert!((shifted.mean - 1.0 / 3.0).abs() < 0.05, "{shifted:?}");
-    assert_eq!(qualities[0].medial_offset, shifted);
 }
 
 #[test]
 fn a_single_figure_fits_as_the_structure_does() {
-    let (quality, qualities, _) = boxed(0.0);
-    assert_eq!(quality.coverage, qualities[0].coverage);
+    let (quality, figure) = boxed(|_| ());
+    assert_eq!(quality.coverage, figure.coverage);
     assert!(quality.coverage.dice > 0.8, "{:?}", quality.coverage);
     assert!(quality.coverage.mask_to_model.max_mm >= quality.coverage.mask_to_model.mean_mm);
 }

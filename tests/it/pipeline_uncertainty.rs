@@ -71,7 +71,7 @@ fn check_size(shape: Shape, rotation: Rotation3<f64>) {
     let actual = rms((0..runs[0].len()).map(spread));
     let figure = figure_of(&on_grid(shape, rotation, PHASES[0]), with_repeats(8));
     let found = figure.uncertainty.expect("asked for");
-    let reported = rms(inner(&found.total_mm).into_iter());
+    let reported = rms(inner(&found.total_mm));
     assert_eq!((found.repeats, found.matched), (8, 8));
     assert!((0.5..2.5).contains(&(reported / actual)), "actual {actual:.3} mm, reported {reported:.3} mm");
 }
@@ -125,7 +125,7 @@ fn voxels_three_times_as_long_leave_more_open() {
             indices.as_mut_slice()[offset] = u16::from(in_ellipsoid(world.point(at)));
         }
         let found = figure_of(&counted(indices, world), with_repeats(4)).uncertainty.expect("asked for");
-        rms(inner(&found.total_mm).into_iter())
+        rms(inner(&found.total_mm))
     };
     let (even, long) = (coarse(1.0), coarse(3.0));
     assert!(long > 1.5 * even, "{even:.3} mm with even voxels, {long:.3} mm with long ones");

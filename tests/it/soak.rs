@@ -14,6 +14,7 @@ use medialrep::jobs::place::Place;
 use serde_json::Value;
 use tempfile::TempDir;
 
+use crate::left_out::left_out;
 use crate::process::{Service, sample, sample_of};
 
 pub fn is_long() -> bool {
@@ -176,8 +177,7 @@ fn a_killed_process_is_noticed_by_another() {
 #[test]
 fn a_process_stopped_past_its_lease_publishes_nothing() {
     if !is_long() {
-        println!("left out: takes a minute, see make soak; a late result is refused in api_restart");
-        return;
+        return left_out("takes a minute, see `make soak`; a late result is refused in api_restart");
     }
     let dir = TempDir::new().unwrap();
     let (data, mask) = (dir.path().join("data"), sample_of(dir.path(), &["slab", "--spacing", "0.25"]));

@@ -5,6 +5,7 @@ import { join } from "node:path";
 import type { Browser, Page } from "playwright-core";
 import { afterAll, beforeAll, expect, test } from "vitest";
 import { ellipsoids } from "../support/label-map";
+import { leaveOut } from "../support/left-out";
 import { finishedJob, resultOf, type Service, scratch, startBrowser, startService } from "../support/service";
 import { changes, openJob, pictureOf } from "../support/use";
 
@@ -95,9 +96,8 @@ test("sixty structures turn without stutter", async () => {
   expect(longest).toBeLessThan(700);
 });
 
-test("the 22 structures of a brain turn", async ({ skip }) => {
-  if (!existsSync(BIGBRAIN)) console.log("left out: the mask of a brain is not beside this repository");
-  skip(!existsSync(BIGBRAIN));
+test("the 22 structures of a brain turn", async (context) => {
+  if (!existsSync(BIGBRAIN)) leaveOut(context, "the mask of a brain is not beside this repository");
   const { perSecond } = await measure("bigbrain", BIGBRAIN);
   expect(perSecond).toBeGreaterThan(8);
 });
