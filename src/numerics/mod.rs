@@ -17,6 +17,14 @@ pub mod graph;
 
 pub mod eigen;
 
+pub mod sparse;
+
+pub mod dissection;
+
+pub mod cholesky;
+
+pub mod smallest;
+
 pub mod balls;
 
 pub mod cells;
