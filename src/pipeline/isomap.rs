@@ -94,11 +94,7 @@ pub fn flatten(
     }
     let go_on = || observer.check();
     let (graph, pieces) = neighborhood_graph(surface, neighbors, voxel_mm, &go_on)?;
-    let geodesics = match landmarks {
-        Landmarks::All => Geodesics::all(&graph, &go_on)?,
-        Landmarks::Auto => Geodesics::farthest(&graph, AUTO_LANDMARKS, &go_on)?,
-        Landmarks::Count(n) => Geodesics::farthest(&graph, n, &go_on)?,
-    };
+    let geodesics = Geodesics::chosen(&graph, landmarks, &go_on)?;
     let points = geodesics.embed(&go_on)?.ok_or(IsomapError::NoPlane)?;
     Ok(Flat {
         residual_variance: geodesics.residual_variance(&points, &go_on)?,
@@ -110,7 +106,7 @@ pub fn flatten(
 }
 
 /// The neighbourhood graph, and how many pieces it was in before touching points joined them.
-fn neighborhood_graph(
+pub(super) fn neighborhood_graph(
     surface: &Surface,
     neighbors: Neighbors,
     voxel_mm: f64,
@@ -240,12 +236,21 @@ impl Around {
 }
 
 /// Geodesic distances from some sources to all points.
-struct Geodesics {
-    sources: Vec<usize>,
+pub(super) struct Geodesics {
+    pub(super) sources: Vec<usize>,
     distances: Vec<Vec<f32>>,
 }
 
 impl Geodesics {
+    /// From the landmarks asked for.
+    pub(super) fn chosen(graph: &Graph, landmarks: Landmarks, go_on: &GoOn<'_>) -> Result<Self, Cancelled> {
+        match landmarks {
+            Landmarks::All => Self::all(graph, go_on),
+            Landmarks::Auto => Self::farthest(graph, AUTO_LANDMARKS, go_on),
+            Landmarks::Count(n) => Self::farthest(graph, n, go_on),
+        }
+    }
+
     fn all(graph: &Graph, go_on: &GoOn<'_>) -> Result<Self, Cancelled> {
         Self::from_sources(graph, (0..graph.len()).collect(), go_on)
     }
@@ -262,7 +267,7 @@ impl Geodesics {
     }
 
     /// Classical scaling of the sources, then every point by its distances to them.
-    fn embed(&self, go_on: &GoOn<'_>) -> Result<Option<Vec<Point2<f64>>>, Cancelled> {
+    pub(super) fn embed(&self, go_on: &GoOn<'_>) -> Result<Option<Vec<Point2<f64>>>, Cancelled> {
         let count = self.sources.len();
         let squared = |row: usize, p: usize| f64::from(self.distances[row][p]).powi(2);
         let mut gram = DMatrix::zeros(count, count);
@@ -301,7 +306,7 @@ impl Geodesics {
         Ok(Some(points))
     }
 
-    fn residual_variance(&self, points: &[Point2<f64>], go_on: &GoOn<'_>) -> Result<f64, Cancelled> {
+    pub(super) fn residual_variance(&self, points: &[Point2<f64>], go_on: &GoOn<'_>) -> Result<f64, Cancelled> {
         // Count, and sums of graph distance g, plane distance p, g², p² and g p.
         let of_row = |(row, &source): (&Vec<f32>, &usize)| {
             go_on()?;

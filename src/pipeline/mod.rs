@@ -33,6 +33,14 @@ pub mod sides;
 
 pub mod isomap;
 
+pub mod lle;
+
+pub mod laplacian;
+
+pub mod distortion;
+
+pub mod embedding;
+
 pub mod outline;
 
 pub mod patch;

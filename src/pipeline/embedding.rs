@@ -1,0 +1,339 @@
+//! The choice of how a surface is laid flat (section 2.4 of the paper names all three): one neighbourhood graph, one
+//! measure of what became of lengths, angles and sides, and in between
+//!
+//! - ISOMAP, which keeps distances along the surface ([`super::isomap`]);
+//! - modified LLE, which keeps neighbourhoods ([`super::lle`]);
+//! - Laplacian eigenmaps, which keep neighbours close ([`super::laplacian`]).
+//!
+//! The last two give a plane up to a linear map only. It is scaled so that lengths are true on the whole
+//! ([`Tangents::scale`]) and turned to its axes. A fit of the squared plane distances to the squared geodesic ones would
+//! be the scale of the lowest residual variance, by a little; but geodesics of a sheet that bends in its plane run round
+//! the bend, which makes it narrower than it is (angles off by 5° instead of 2° on a caudate), and where an eigenvector
+//! repeats another the fit is no metric.
+
+use nalgebra::{DMatrix, Matrix2, Point2, SymmetricEigen, Vector2};
+
+use crate::numerics::cancel::{Cancelled, GoOn};
+use crate::numerics::graph::{Edges, Graph};
+use crate::numerics::smallest::EigenError;
+
+use super::distortion::{Distortion, Tangents};
+use super::isomap::{EXACT_LIMIT, Flat, Geodesics, IsomapError, neighborhood_graph};
+use super::laplacian::laplacian;
+use super::lle::lle;
+use super::observer::Observer;
+use super::params::{Landmarks, Neighbors};
+use super::surface::Surface;
+
+/// Points that are laid out by eigenvectors at most: matrix, factor and vectors take 8 kB a point then, as much in all as
+/// exact ISOMAP takes at its limit.
+pub const SPECTRAL_LIMIT: usize = 100_000;
+/// Waves among which Laplacian eigenmaps look for the second coordinate: enough for sheets six times as long as
+/// they are wide.
+const WAVES: usize = 7;
+/// Share of a plane that may be turned over. Planes that are good to work in have 0.011 at most; those of sheets
+/// that lie over themselves 0.04 and more.
+pub const MAX_TURNED_OVER: f64 = 0.02;
+
+/// How a surface is laid flat.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Embedding {
+    /// ISOMAP.
+    #[default]
+    Isomap,
+    /// Modified locally linear embedding.
+    Lle,
+    /// Laplacian eigenmaps.
+    Laplacian,
+}
+
+impl Embedding {
+    /// Stable name, snake case.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Isomap => "isomap",
+            Self::Lle => "lle",
+            Self::Laplacian => "laplacian",
+        }
+    }
+}
+
+/// A plane and how true it is.
+#[derive(Clone, Debug)]
+pub struct Plane {
+    /// The plane.
+    pub flat: Flat,
+    /// What it does to angles and sides; `None` for a surface that is a string, where nothing can be judged.
+    pub distortion: Option<Distortion>,
+}
+
+/// Why a surface could not be laid flat.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum EmbeddingError {
+    /// Stopped.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+    /// Fewer points than coordinates can be told apart by.
+    #[error("only {points} points")]
+    TooFewPoints {
+        /// Points given.
+        points: usize,
+    },
+    /// More points than fit in memory.
+    #[error("{embedding} of {points} points; at most {limit}", embedding = .embedding.name())]
+    TooManyPoints {
+        /// How they were to be laid flat.
+        embedding: Embedding,
+        /// Points given.
+        points: usize,
+        /// Points allowed.
+        limit: usize,
+    },
+    /// The points lie on a line.
+    #[error("the points span no plane")]
+    NoPlane,
+    /// The eigenproblem has no answer; never seen on a surface.
+    #[error("the plane's eigenvectors were not found: {0}")]
+    NoEigenvectors(EigenError),
+}
+
+impl From<IsomapError> for EmbeddingError {
+    fn from(error: IsomapError) -> Self {
+        match error {
+            IsomapError::Cancelled(stop) => Self::Cancelled(stop),
+            IsomapError::TooFewPoints { points } => Self::TooFewPoints { points },
+            IsomapError::TooManyForExact { points, limit } => {
+                Self::TooManyPoints { embedding: Embedding::Isomap, points, limit }
+            }
+            IsomapError::NoPlane => Self::NoPlane,
+        }
+    }
+}
+
+impl From<EigenError> for EmbeddingError {
+    fn from(error: EigenError) -> Self {
+        match error {
+            EigenError::Cancelled(stop) => Self::Cancelled(stop),
+            EigenError::TooFewRows { rows, .. } => Self::TooFewPoints { points: rows },
+            other => Self::NoEigenvectors(other),
+        }
+    }
+}
+
+/// Lays a connected surface flat. `voxel_mm` turns an ε in mm into voxels.
+///
+/// # Errors
+/// See [`EmbeddingError`].
+pub fn laid(
+    surface: &Surface,
+    embedding: Embedding,
+    neighbors: Neighbors,
+    landmarks: Landmarks,
+    voxel_mm: f64,
+    observer: &dyn Observer,
+) -> Result<Plane, EmbeddingError> {
+    let points = surface.positions.len();
+    if points < 8 {
+        return Err(EmbeddingError::TooFewPoints { points });
+    }
+    let limit = if embedding == Embedding::Isomap { usize::MAX } else { SPECTRAL_LIMIT };
+    let limit = if landmarks == Landmarks::All { EXACT_LIMIT } else { limit };
+    if points > limit {
+        return Err(EmbeddingError::TooManyPoints { embedding, points, limit });
+    }
+    let go_on = || observer.check();
+    let (graph, pieces) = neighborhood_graph(surface, neighbors, voxel_mm, &go_on)?;
+    let geodesics = Geodesics::chosen(&graph, landmarks, &go_on)?;
+    let sheet = Sheet::of(surface, &graph, &go_on)?;
+    let points = match embedding {
+        Embedding::Isomap => geodesics.embed(&go_on)?,
+        Embedding::Lle => sheet.by_neighborhoods(&go_on)?,
+        Embedding::Laplacian => sheet.by_waves(&go_on)?,
+    };
+    let points = points.ok_or(EmbeddingError::NoPlane)?;
+    let distortion = sheet.tangents.distortion(|p| points[p].coords);
+    let residual_variance = geodesics.residual_variance(&points, &go_on)?;
+    let (neighbors, landmarks) = (graph.mean_degree(), geodesics.sources.len());
+    Ok(Plane { flat: Flat { points, residual_variance, neighbors, landmarks, pieces }, distortion })
+}
+
+/// A surface with its neighbourhood graph and tangent planes.
+struct Sheet<'a> {
+    surface: &'a Surface,
+    lists: Vec<Edges>,
+    tangents: Tangents,
+}
+
+impl<'a> Sheet<'a> {
+    fn of(surface: &'a Surface, graph: &Graph, go_on: &GoOn<'_>) -> Result<Self, Cancelled> {
+        let lists = graph.lists(go_on)?;
+        let tangents = Tangents::of(surface, &lists, go_on)?;
+        Ok(Self { surface, lists, tangents })
+    }
+
+    /// The plane of LLE.
+    fn by_neighborhoods(&self, go_on: &GoOn<'_>) -> Result<Option<Vec<Point2<f64>>>, EmbeddingError> {
+        let found = lle(&self.surface.positions, &self.lists, go_on)?;
+        let at = |p: usize| pair(&found.vectors, p, 1);
+        Ok(self.tangents.scale(at).map(|scale| on_axes(self.lists.len(), |p| scale * at(p))))
+    }
+
+    /// The plane of the first wave and another: of those that leave no more turned over than is
+    /// allowed, the one that keeps angles best; of none, the one that leaves least.
+    fn by_waves(&self, go_on: &GoOn<'_>) -> Result<Option<Vec<Point2<f64>>>, EmbeddingError> {
+        let found = laplacian(&self.surface.positions, &self.lists, WAVES, go_on)?;
+        let mut best: Option<([f64; 2], usize, Matrix2<f64>)> = None;
+        for second in 1..WAVES {
+            go_on()?;
+            let at = |p: usize| pair(&found.vectors, p, second);
+            let Some(scale) = self.tangents.scale(at) else { continue };
+            let Some(distortion) = self.tangents.distortion(|p| scale * at(p)) else { continue };
+            let loss = [distortion.turned_over.max(MAX_TURNED_OVER), distortion.angle_error_deg];
+            if best.as_ref().is_none_or(|best| loss < best.0) {
+                best = Some((loss, second, scale));
+            }
+        }
+        Ok(best.map(|(_, second, scale)| on_axes(self.lists.len(), |p| scale * pair(&found.vectors, p, second))))
+    }
+}
+
+/// The first coordinate of a point, and one of the others.
+fn pair(vectors: &DMatrix<f64>, point: usize, second: usize) -> Vector2<f64> {
+    Vector2::new(vectors[(point, 0)], vectors[(point, second)])
+}
+
+/// Points about their mean, the first axis along their largest spread, as ISOMAP's are.
+fn on_axes(count: usize, at: impl Fn(usize) -> Vector2<f64>) -> Vec<Point2<f64>> {
+    let middle = (0..count).map(&at).sum::<Vector2<f64>>() / count as f64;
+    let mut spread = Matrix2::zeros();
+    for p in 0..count {
+        let d = at(p) - middle;
+        spread += d * d.transpose();
+    }
+    let eigen = SymmetricEigen::new(spread);
+    let along = eigen.eigenvectors.column(eigen.eigenvalues.imax()).into_owned();
+    let across = Vector2::new(-along.y, along.x);
+    let place = |p: usize| {
+        let d = at(p) - middle;
+        Point2::new(along.dot(&d), across.dot(&d))
+    };
+    (0..count).map(place).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Point3, Vector3};
+    use rayon::ThreadPoolBuilder;
+
+    use super::super::observer::Silent;
+    use super::*;
+    use crate::numerics::field::id;
+
+    const ALL: [Embedding; 3] = [Embedding::Isomap, Embedding::Lle, Embedding::Laplacian];
+
+    /// A strip of points about one apart, each touching the eight around it, with some noise.
+    fn strip(rows: usize, cols: usize, place: impl Fn(f64, f64) -> Point3<f64>) -> Surface {
+        let mut surface = Surface::default();
+        let uneven = |n: usize, step: f64| (n as f64 * step).fract() - 0.5;
+        for n in 0..rows * cols {
+            let (i, j) = (n / cols, n % cols);
+            let at = place(j as f64 + 0.6 * uneven(n, 0.754_877), i as f64 + 0.6 * uneven(n, 0.569_84));
+            surface.positions.push(at + Vector3::z() * 0.3 * uneven(n, 0.618_034));
+            let near = |m: &usize| *m != n && (m / cols).abs_diff(i).max((m % cols).abs_diff(j)) < 2;
+            surface.adjacency.push((0..rows * cols).filter(near).map(id).collect());
+        }
+        surface
+    }
+
+    fn plane_of(surface: &Surface, embedding: Embedding) -> Result<Plane, EmbeddingError> {
+        laid(surface, embedding, Neighbors::Auto, Landmarks::Auto, 1.0, &Silent)
+    }
+
+    fn arch(x: f64, y: f64) -> Point3<f64> {
+        Point3::new(12.0 * (x / 12.0).sin(), y, 12.0 * (x / 12.0).cos())
+    }
+
+    fn extent(points: &[Point2<f64>], axis: usize) -> f64 {
+        let of = |p: &Point2<f64>| p[axis];
+        points.iter().map(of).fold(f64::MIN, f64::max) - points.iter().map(of).fold(f64::MAX, f64::min)
+    }
+
+    #[test]
+    fn isomap_and_lle_lay_an_arch_flat_with_its_lengths() {
+        let surface = strip(14, 32, arch);
+        for (embedding, degrees) in [(Embedding::Isomap, 2.0), (Embedding::Lle, 0.8)] {
+            let Plane { flat, distortion } = plane_of(&surface, embedding).expect("a plane");
+            let distortion = distortion.expect("judged");
+            assert!(distortion.angle_error_deg < degrees && distortion.turned_over == 0.0, "{distortion:?}");
+            assert!(flat.residual_variance < 0.001, "{:.5}", flat.residual_variance);
+            let [long, wide] = [0, 1].map(|axis| extent(&flat.points, axis));
+            assert!(
+                (30.0..33.5).contains(&long) && (12.5..14.5).contains(&wide),
+                "{embedding:?}: {long:.1} by {wide:.1}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_second_coordinate_of_a_long_strip_runs_across_it() {
+        // Four times as long as wide: the second wave is along the strip too.
+        let surface = strip(10, 40, arch);
+        let Plane { flat, distortion } = plane_of(&surface, Embedding::Laplacian).expect("a plane");
+        let distortion = distortion.expect("judged");
+        assert!(distortion.turned_over < 0.02 && distortion.angle_error_deg < 40.0, "{distortion:?}");
+        let along = |n: usize| f64::from(id(n % 40)) - 19.5;
+        let sum: f64 = (0..400).map(|n| along(n) * flat.points[n].x).sum::<f64>().abs();
+        let norm = |of: &dyn Fn(usize) -> f64| (0..400).map(|n| of(n).powi(2)).sum::<f64>().sqrt();
+        assert!(sum > 0.95 * norm(&along) * norm(&|n| flat.points[n].x));
+    }
+
+    #[test]
+    fn what_cannot_be_laid_flat_is_typed() {
+        let short = strip(1, 5, |x, y| Point3::new(x, y, 0.0));
+        let string = strip(1, 40, |x, _| Point3::new(x, 0.0, 0.0));
+        for embedding in ALL {
+            let points = EmbeddingError::TooFewPoints { points: 5 };
+            assert_eq!(plane_of(&short, embedding).err(), Some(points));
+        }
+        for embedding in [Embedding::Lle, Embedding::Laplacian] {
+            assert_eq!(plane_of(&string, embedding).err(), Some(EmbeddingError::NoPlane));
+        }
+        let many = Surface { positions: vec![Point3::origin(); SPECTRAL_LIMIT + 1], adjacency: Vec::new() };
+        let error = plane_of(&many, Embedding::Lle).expect_err("too many");
+        assert_eq!(error.to_string(), "lle of 100001 points; at most 100000");
+    }
+
+    #[test]
+    fn a_closed_band_has_no_plane() {
+        let around = |x: f64, y: f64| {
+            let angle = x * std::f64::consts::TAU / 40.0;
+            Point3::new(6.4 * angle.sin(), y, 6.4 * angle.cos())
+        };
+        let mut surface = strip(10, 40, around);
+        for (n, list) in surface.adjacency.iter_mut().enumerate() {
+            let (i, j) = (n / 40, n % 40);
+            let other_end = [0, 39].contains(&j).then_some(39 - j);
+            list.extend(
+                other_end.iter().flat_map(|j| (i.saturating_sub(1)..(i + 2).min(10)).map(move |i| id(i * 40 + j))),
+            );
+            list.sort_unstable();
+        }
+        for embedding in ALL {
+            let distortion = plane_of(&surface, embedding).expect("a plane").distortion.expect("judged");
+            assert!(distortion.turned_over > MAX_TURNED_OVER, "{embedding:?}: {distortion:?}");
+        }
+    }
+
+    #[test]
+    fn planes_do_not_depend_on_the_threads() {
+        let surface = strip(20, 50, arch);
+        for embedding in ALL {
+            let on = |threads: usize| {
+                let pool = ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+                pool.install(|| plane_of(&surface, embedding)).expect("a plane").flat.points
+            };
+            assert_eq!(on(1), on(3), "{embedding:?}");
+        }
+    }
+}
