@@ -14,6 +14,7 @@
 use nalgebra::{DMatrix, Matrix2, Point2, SymmetricEigen, Vector2};
 
 use crate::numerics::cancel::{Cancelled, GoOn};
+use crate::numerics::field::floor_index;
 use crate::numerics::graph::{Edges, Graph};
 use crate::numerics::smallest::EigenError;
 
@@ -144,6 +145,9 @@ pub fn laid(
     }
     let go_on = || observer.check();
     let (graph, pieces) = neighborhood_graph(surface, neighbors, voxel_mm, &go_on)?;
+    if embedding == Embedding::Laplacian {
+        check_edges(points, graph.mean_degree())?;
+    }
     let geodesics = Geodesics::chosen(&graph, landmarks, &go_on)?;
     let sheet = Sheet::of(surface, &graph, &go_on)?;
     let points = match embedding {
@@ -156,6 +160,18 @@ pub fn laid(
     let residual_variance = geodesics.residual_variance(&points, &go_on)?;
     let (neighbors, landmarks) = (graph.mean_degree(), geodesics.sources.len());
     Ok(Plane { flat: Flat { points, residual_variance, neighbors, landmarks, pieces }, distortion })
+}
+
+/// Refuses graphs with more edges than the largest surface has with the automatic neighbourhood: the factor of the
+/// Laplacian grows with them. LLE takes no more neighbours than it needs.
+fn check_edges(points: usize, neighbors: f64) -> Result<(), EmbeddingError> {
+    /// Neighbours in a ball of 4 voxels.
+    const AUTO_NEIGHBORS: f64 = 50.0;
+    let limit = floor_index(SPECTRAL_LIMIT as f64 * (AUTO_NEIGHBORS / neighbors).min(1.0));
+    if points > limit {
+        return Err(EmbeddingError::TooManyPoints { embedding: Embedding::Laplacian, points, limit });
+    }
+    Ok(())
 }
 
 /// A surface with its neighbourhood graph and tangent planes.
@@ -302,6 +318,9 @@ mod tests {
         let many = Surface { positions: vec![Point3::origin(); SPECTRAL_LIMIT + 1], adjacency: Vec::new() };
         let error = plane_of(&many, Embedding::Lle).expect_err("too many");
         assert_eq!(error.to_string(), "lle of 100001 points; at most 100000");
+        assert_eq!(check_edges(90_000, 48.0), Ok(()));
+        let error = check_edges(30_000, 400.0).expect_err("too many edges");
+        assert_eq!(error.to_string(), "laplacian of 30000 points; at most 12500");
     }
 
     #[test]
