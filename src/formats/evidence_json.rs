@@ -58,7 +58,7 @@ struct NeighborsJson<'a> {
 struct LandmarksJson {
     chosen: Surfaces<usize>,
     of_points: Surfaces<usize>,
-    residual_variance: Surfaces<Rounded>,
+    residual_variance: Surfaces<Option<Rounded>>,
 }
 
 #[derive(Serialize)]
@@ -82,7 +82,9 @@ impl<'a> AutomaticJson<'a> {
             landmarks: LandmarksJson {
                 chosen: surfaces(&figure.landmarks, |count| *count),
                 of_points: surfaces(&figure.points, |points| points.positions.len()),
-                residual_variance: surfaces(&figure.quality.residual_variance, |share| Rounded(*share)),
+                residual_variance: surfaces(&figure.quality.embedding, |plane| {
+                    plane.map(|plane| Rounded(plane.residual_variance))
+                }),
             },
             grid: AutomaticGridJson {
                 rows: figure.grid.rows,

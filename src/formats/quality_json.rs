@@ -6,12 +6,14 @@ use serde::ser::{SerializeMap, Serializer};
 use super::rounded::Rounded;
 use super::thickness_json::{Surfaces, surfaces};
 use crate::model::{
-    Coverage, DistanceSummary, Distortion, FigureQuality, MeanAndP95, Reason, StructureQuality, Threshold, Verdict,
+    Coverage, DistanceSummary, Distortion, EmbeddingQuality, FigureQuality, MeanAndP95, Reason, StructureQuality,
+    Threshold, Verdict,
 };
 
 #[derive(Serialize)]
 pub(super) struct FigureQualityJson {
-    residual_variance: Surfaces<Rounded>,
+    residual_variance: Surfaces<Option<Rounded>>,
+    embedding: Surfaces<Option<EmbeddingJson>>,
     folds: usize,
     folds_before_repair: usize,
     repaired_nodes: usize,
@@ -27,6 +29,14 @@ pub(super) struct FigureQualityJson {
     distortion: DistortionJson,
     medial_offset: MeanJson,
     valid_share: Rounded,
+}
+
+/// How truly a surface was laid flat.
+#[derive(Serialize)]
+struct EmbeddingJson {
+    residual_variance: Rounded,
+    turned_over: Option<Rounded>,
+    angle_error_deg: Option<Rounded>,
 }
 
 #[derive(Serialize)]
@@ -51,6 +61,7 @@ pub(super) struct QualityJson<'a> {
     #[serde(flatten)]
     coverage: CoverageJson,
     residual_variance: Rounded,
+    turned_over: Option<Rounded>,
     spacing_variation: Rounded,
     distortion: DistortionJson,
     medial_offset: MeanJson,
@@ -128,7 +139,8 @@ pub(super) fn figure_quality_json(quality: &FigureQuality) -> FigureQualityJson 
         FoldedPart { side, i, j }
     };
     FigureQualityJson {
-        residual_variance: surfaces(&quality.residual_variance, |share| Rounded(*share)),
+        residual_variance: surfaces(&quality.embedding, |plane| plane.map(|plane| Rounded(plane.residual_variance))),
+        embedding: surfaces(&quality.embedding, |plane| plane.as_ref().map(embedding_json)),
         folds: quality.folds,
         folds_before_repair: quality.repair.folds_before,
         repaired_nodes: quality.repair.moved_nodes,
@@ -164,10 +176,19 @@ pub(super) fn quality_json(quality: &StructureQuality) -> QualityJson<'_> {
         self_intersections: quality.self_intersections,
         coverage: coverage_json(&quality.coverage),
         residual_variance: Rounded(quality.residual_variance),
+        turned_over: quality.turned_over.map(Rounded),
         spacing_variation: Rounded(quality.spacing_variation),
         distortion: distortion_json(quality.distortion),
         medial_offset: mean_json(quality.medial_offset),
         pruned_sheets: quality.pruned_sheets,
+    }
+}
+
+fn embedding_json(plane: &EmbeddingQuality) -> EmbeddingJson {
+    EmbeddingJson {
+        residual_variance: Rounded(plane.residual_variance),
+        turned_over: plane.turned_over.map(Rounded),
+        angle_error_deg: plane.angle_error_deg.map(Rounded),
     }
 }
 

@@ -39,9 +39,10 @@ pub struct Figure {
     pub area_distortion: Vec<f64>,
     /// Intrinsic coordinates of the nodes on each surface.
     pub intrinsic: PerSurface<Vec<ParamPoint>>,
-    /// Neighbours per point of the ISOMAP graph, the mean where it varies.
-    pub neighbors: PerSurface<f64>,
-    /// Landmarks used on each surface.
+    /// Neighbours per point of the neighbourhood graph, the mean where it varies; `None` of a side that takes its
+    /// coordinates from the sheet.
+    pub neighbors: PerSurface<Option<f64>>,
+    /// Landmarks used on each surface; 0 of such a side.
     pub landmarks: PerSurface<usize>,
     /// All points of each surface with their flat coordinates.
     pub points: PerSurface<FlatPoints>,

@@ -37,8 +37,8 @@ pub use frame::{FrameFacts, FrameRule};
 pub use grid::{LatticeSize, ring};
 pub use meshes::TriangleMesh;
 pub use quality::{
-    Coverage, DistanceSummary, Distortion, FigureQuality, MeanAndP95, Reason, Repair, StructureQuality, Threshold,
-    Verdict,
+    Coverage, DistanceSummary, Distortion, EmbeddingQuality, FigureQuality, MeanAndP95, Reason, Repair,
+    StructureQuality, Threshold, Verdict,
 };
 pub use refusal::{Refusal, SHAPE_CODES};
 pub use shell::{EdgeStep, Quad, Shell, quad_area};

@@ -72,11 +72,22 @@ impl MeanAndP95 {
     }
 }
 
+/// How truly a surface was laid flat.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct EmbeddingQuality {
+    /// 1 − R² of graph against embedded distances (Tenenbaum et al. 2000), after the best scaling.
+    pub residual_variance: f64,
+    /// Share of the surface that lies turned over in the plane; `None` where nothing can be judged.
+    pub turned_over: Option<f64>,
+    /// Mean change of the angles of small triangles, degrees; `None` where nothing can be judged.
+    pub angle_error_deg: Option<f64>,
+}
+
 /// How good one figure is.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FigureQuality {
-    /// 1 − R² of graph against embedded distances (Tenenbaum et al. 2000).
-    pub residual_variance: PerSurface<f64>,
+    /// How truly each surface was laid flat; `None` of a side that takes its coordinates from the sheet.
+    pub embedding: PerSurface<Option<EmbeddingQuality>>,
     /// Corners of the cells between medial and surface quads whose Jacobian has the wrong sign.
     pub folds: usize,
     /// Corners looked at.
@@ -104,6 +115,14 @@ pub struct FigureQuality {
     pub medial_offset: MeanAndP95,
     /// Share of nodes that lie on the sheet.
     pub valid_share: f64,
+}
+
+impl FigureQuality {
+    /// Residual variance of each surface.
+    #[must_use]
+    pub fn residual_variance(&self) -> PerSurface<Option<f64>> {
+        self.embedding.map(|embedding| embedding.map(|embedding| embedding.residual_variance))
+    }
 }
 
 /// How far a result can be trusted.
@@ -169,6 +188,8 @@ pub struct StructureQuality {
     pub self_intersections: Option<usize>,
     /// The largest residual variance of any surface.
     pub residual_variance: f64,
+    /// The largest share of any surface that lies turned over in its plane; `None` where nothing can be judged.
+    pub turned_over: Option<f64>,
     /// The largest spacing variation of a figure.
     pub spacing_variation: f64,
     /// The largest of each distortion of a figure.

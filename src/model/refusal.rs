@@ -66,13 +66,23 @@ pub enum Refusal {
         /// What is filled at most.
         allowed: f64,
     },
-    /// Exact ISOMAP would need more memory than is allowed.
-    #[error("exact ISOMAP of {points} points was asked for, at most {limit} are allowed")]
+    /// Laying the surface flat would need more memory than is allowed.
+    #[error("{method} of {points} points was asked for, at most {limit} are allowed")]
     TooManyPoints {
+        /// How it was to be laid flat.
+        method: &'static str,
         /// Points of the surface.
         points: usize,
         /// Points allowed.
         limit: usize,
+    },
+    /// The eigenproblem of the embedding has no answer.
+    #[error("the sheet could not be laid flat by {method}: {reason}")]
+    NoEmbedding {
+        /// How it was to be laid flat.
+        method: &'static str,
+        /// What went wrong.
+        reason: String,
     },
     /// The working grid would be larger than allowed.
     #[error("the working grid would have {voxels} voxels, allowed are {allowed}")]
@@ -88,7 +98,7 @@ pub enum Refusal {
 
 /// The codes that speak of the object's shape, not of the file it came in: all but
 /// [`Refusal::LabelMissing`] and [`Refusal::EmptyMask`].
-pub const SHAPE_CODES: [&str; 8] = [
+pub const SHAPE_CODES: [&str; 9] = [
     "too_thin",
     "too_small",
     "shape_is_a_ball",
@@ -96,6 +106,7 @@ pub const SHAPE_CODES: [&str; 8] = [
     "not_orientable",
     "sheet_has_holes",
     "too_many_points",
+    "no_embedding",
     "working_grid_too_large",
 ];
 
@@ -113,6 +124,7 @@ impl Refusal {
             Self::NotOrientable { .. } => "not_orientable",
             Self::SheetHasHoles { .. } => "sheet_has_holes",
             Self::TooManyPoints { .. } => "too_many_points",
+            Self::NoEmbedding { .. } => "no_embedding",
             Self::TooLarge { .. } => "working_grid_too_large",
         }
     }
@@ -134,7 +146,10 @@ impl Refusal {
                 "fill the holes in the segmentation if they are errors; a ring has no lattice unless it is cut open"
                     .to_owned()
             }
-            Self::TooManyPoints { .. } => "leave landmarks at \"auto\", or set a larger resolution_mm".to_owned(),
+            Self::TooManyPoints { .. } => {
+                "leave landmarks at \"auto\" and embedding at \"isomap\", or set a larger resolution_mm".to_owned()
+            }
+            Self::NoEmbedding { .. } => "leave embedding at \"isomap\"".to_owned(),
             Self::TooLarge { resolution_mm, .. } => format!("set resolution_mm to {resolution_mm:.2} or more"),
         }
     }

@@ -10,6 +10,9 @@ const MOST_LENGTH_BITS: u32 = 16;
 /// No way leads here.
 const UNREACHED: u32 = u32::MAX;
 
+/// The edges of one node: the nodes that they lead to, and their lengths.
+pub type Edges = Vec<(u32, f32)>;
+
 /// A weighted undirected graph; the edges of the node kept at `a` are `edges[rows[a]..rows[a + 1]]`.
 ///
 /// Searches read all edges again and again. So an edge is four bytes: the step to the place of the other
@@ -77,6 +80,27 @@ impl Graph {
     #[must_use]
     pub fn mean_degree(&self) -> f64 {
         self.edges.len() as f64 / self.len().max(1) as f64
+    }
+
+    /// Of every node the nodes that edges lead to, ascending, and the lengths as they are kept.
+    ///
+    /// # Errors
+    /// Those of `cancel`.
+    pub fn lists(&self, cancel: &dyn Cancel) -> Result<Vec<Edges>, Cancelled> {
+        let mut node_at = vec![0; self.len()];
+        self.place.iter().enumerate().for_each(|(node, &place)| node_at[place as usize] = id(node));
+        let mut lists = Vec::with_capacity(self.len());
+        for &place in &self.place {
+            cancel.check()?;
+            let mut list = Vec::new();
+            for (next, length) in self.edges(place) {
+                #[expect(clippy::cast_possible_truncation, reason = "f32 is as exact as the units")]
+                list.push((node_at[next as usize], (f64::from(length) * self.unit) as f32));
+            }
+            list.sort_unstable_by_key(|edge| edge.0);
+            lists.push(list);
+        }
+        Ok(lists)
     }
 
     /// Places that edges lead to from a place, with their lengths in units.
@@ -287,6 +311,12 @@ mod tests {
         let graph = graph_of(&lists, &(0..=far).collect::<Vec<_>>());
         let distances = graph.geodesics(1, &Never).expect("not stopped");
         assert!((distances[0] - 1.25).abs() < 3.0 / 512.0 && (distances[far as usize] - 4.25).abs() < 3.0 / 256.0);
+    }
+
+    #[test]
+    fn lists_are_those_the_graph_was_made_of() {
+        let lists = [vec![(1, 1.25), (3, 2.0)], vec![(0, 1.25)], vec![], vec![(0, 2.0)]];
+        assert_eq!(graph_of(&lists, &[2, 3, 0, 1]).lists(&Never), Ok(lists.to_vec()));
     }
 
     #[test]

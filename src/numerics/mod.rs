@@ -17,6 +17,8 @@ pub mod graph;
 
 pub mod eigen;
 
+pub mod sparse;
+
 pub mod balls;
 
 pub mod points;

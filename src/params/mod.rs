@@ -28,6 +28,33 @@ pub enum Neighbors {
     RadiusMm(f64),
 }
 
+/// How a surface is laid flat (section 2.4 of the paper names all three).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Embedding {
+    /// ISOMAP: keeps distances along the surface.
+    #[default]
+    Isomap,
+    /// Modified locally linear embedding: keeps neighbourhoods.
+    Lle,
+    /// Laplacian eigenmaps: keep neighbours close.
+    Laplacian,
+}
+
+impl Embedding {
+    /// All of them, the default first.
+    pub const ALL: [Self; 3] = [Self::Isomap, Self::Lle, Self::Laplacian];
+
+    /// Stable name, snake case.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Isomap => "isomap",
+            Self::Lle => "lle",
+            Self::Laplacian => "laplacian",
+        }
+    }
+}
+
 /// How many geodesic sources ISOMAP uses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Landmarks {
@@ -93,6 +120,8 @@ pub struct Params {
     pub resolution_mm: Option<f64>,
     /// Repeats for the uncertainty of thickness; 0 for none.
     pub uncertainty: usize,
+    /// How surfaces are laid flat.
+    pub embedding: Embedding,
 }
 
 impl Default for Params {
@@ -110,6 +139,7 @@ impl Default for Params {
             max_figures: None,
             resolution_mm: None,
             uncertainty: 0,
+            embedding: Embedding::Isomap,
         }
     }
 }

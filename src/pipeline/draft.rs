@@ -1,6 +1,7 @@
 //! A figure on its way through the stages, in work space.
 
 use super::plane::Flat;
+use super::plane::tangents::PlaneDistortion;
 use super::vectors::Nodes;
 use crate::model::{Automatic, FrameFacts, PerSurface, Repair};
 
@@ -11,6 +12,8 @@ pub struct Draft {
     pub nodes: Nodes,
     /// Its flattened surfaces.
     pub flat: PerSurface<Flat>,
+    /// What their planes do to angles and sides.
+    pub distortion: PerSurface<Option<PlaneDistortion>>,
     /// Which way it lies in the world.
     pub frame: FrameFacts,
     /// What was chosen for it.

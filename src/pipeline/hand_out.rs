@@ -51,8 +51,8 @@ fn figure(solid: &Solid, sheet: &SheetSides, draft: &Draft, quality: FigureQuali
         medial_radius_mm: nodes.radii.iter().map(|r| r * mm).collect(),
         area_distortion: FlatQuads::from(nodes).log_ratio_per_node(),
         intrinsic: nodes.intrinsic.map(|points| in_mm(points, mm)),
-        neighbors: flat.map(|flat| flat.neighbors),
-        landmarks: flat.map(|flat| flat.landmarks),
+        neighbors: flat.map(|flat| flat.embedded.map(|embedded| embedded.neighbors)),
+        landmarks: flat.map(|flat| flat.embedded.map_or(0, |embedded| embedded.landmarks)),
         points: PerSurface {
             medial: flat_points(solid, &sheet.medial.positions, &flat.medial),
             upper: flat_points(solid, &sheet.upper.surface.positions, &flat.upper),

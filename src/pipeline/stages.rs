@@ -24,7 +24,7 @@ use super::hand_out::hand_out;
 use super::lattice::lattices;
 use super::medial::medial_surface;
 use super::plane::cut::laid_flat;
-use super::plane::framed;
+use super::plane::{Framed, framed};
 use super::quality::quality;
 use super::sheets::sheets;
 use super::sheets::sides::{SheetSides, sides};
@@ -98,5 +98,6 @@ fn draft(
     let (choices, laid) = laid;
     let (nodes, repair) =
         context.part_of_stage(Stage::Spokes, part, || vectors(solid, depth, sheet, &framed.flat, laid, context))?;
-    Ok(Draft { nodes, flat: framed.flat, frame: framed.frame, choices, repair })
+    let Framed { flat, distortion, frame } = framed;
+    Ok(Draft { nodes, flat, distortion, frame, choices, repair })
 }

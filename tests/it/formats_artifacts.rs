@@ -178,11 +178,14 @@ fn quality_has_its_names_per_figure_and_per_structure() {
     let folds = ["folds", "folds_before_repair", "repaired_nodes", "shortened_nodes"];
     let even = ["spacing_variation", "distortion", "medial_offset"];
     let turned = ["folded_cells", "folded_centres", "folded_wedges", "self_intersections"];
-    let expected = [&["residual_variance"], &folds[..], &["corners"], &turned, &fit, &even, &["valid_share"]].concat();
+    let expected =
+        [&["residual_variance", "embedding"], &folds[..], &["corners"], &turned, &fit, &even, &["valid_share"]]
+            .concat();
     assert_eq!(keys(&structure["figures"][0]["quality"]), expected);
     let verdict = ["verdict", "reasons", "thresholds"];
     let expected =
-        [&verdict, &folds[..], &turned[1..], &fit, &["residual_variance"], &even, &["pruned_sheets"]].concat();
+        [&verdict, &folds[..], &turned[1..], &fit, &["residual_variance", "turned_over"], &even, &["pruned_sheets"]]
+            .concat();
     assert_eq!(keys(&structure["quality"]), expected);
     let distortion = ["area_sd", "area_max_log", "angle_mean_deg", "angle_max_deg"];
     assert_eq!(keys(&structure["quality"]["distortion"]), distortion);

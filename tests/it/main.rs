@@ -51,6 +51,8 @@ mod pipeline_input;
 
 mod pipeline_stages;
 
+mod pipeline_embedding;
+
 mod pipeline_strip;
 
 mod pipeline_frame;

@@ -38,7 +38,7 @@ pub fn bent_slab(grid: LatticeSize) -> Figure {
         medial_radius_mm: vec![2.0; flat.len()],
         area_distortion: vec![0.25; flat.len()],
         intrinsic: PerSurface { medial: flat.clone(), upper: flat.clone(), lower: flat.clone() },
-        neighbors: PerSurface { medial: 30.5, upper: 28.0, lower: 28.0 },
+        neighbors: PerSurface { medial: Some(30.5), upper: Some(28.0), lower: Some(28.0) },
         landmarks: PerSurface { medial: 60, upper: 60, lower: 60 },
         points: PerSurface { medial: points(&medial), upper: points(&upper), lower: points(&lower) },
         quality: FigureQuality {
@@ -139,6 +139,7 @@ pub fn drafted(nodes: Nodes) -> Draft {
     Draft {
         nodes,
         flat: PerSurface::default(),
+        distortion: PerSurface::default(),
         frame: FrameFacts::default(),
         choices: Automatic::default(),
         repair: Repair::default(),

@@ -38,7 +38,7 @@ fn a_bowl_is_cut_until_every_part_can_be_laid_flat() {
     assert_eq!(cuts(&bowl), 1);
     assert!(bowl.figures.len() > 1);
     for figure in &bowl.figures {
-        let residual = figure.quality.residual_variance.medial;
+        let residual = figure.quality.residual_variance().medial.expect("laid flat");
         assert!(residual < 0.018, "residual variance {residual:.3}");
     }
     // Every part meets another one.

@@ -140,8 +140,12 @@ fn landmarks_agree_with_exact_isomap() {
 #[test]
 fn neighbourhoods_are_what_was_asked_for() {
     let volume = volume("leaf");
-    let degree =
-        |neighbors| model_of(&volume, Params { neighbors, ..params() }).structures[0].figures[0].neighbors.medial;
+    let degree = |neighbors| {
+        model_of(&volume, Params { neighbors, ..params() }).structures[0].figures[0]
+            .neighbors
+            .medial
+            .expect("laid flat")
+    };
     let twelve = degree(Neighbors::Count(12));
     assert!((12.0..18.0).contains(&twelve), "k = 12, made symmetric: {twelve}");
     assert!(degree(Neighbors::RadiusMm(2.5)) < degree(Neighbors::RadiusMm(5.0)));

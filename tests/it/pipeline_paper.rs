@@ -1,8 +1,8 @@
 //! `correspondence: "paper"`, on every sample: three embeddings that know nothing of each other.
 
-use medialrep::pipeline::PipelineError;
 use medialrep::model::{Figure, Model, Structure};
 use medialrep::params::{Correspondence, Params};
+use medialrep::pipeline::PipelineError;
 use medialrep::samples;
 
 use crate::measure::accuracy::vector_errors;
@@ -31,9 +31,9 @@ fn check_paper(name: &str, sheets: usize, bars: [f64; 2]) {
     assert_eq!(structure.figures.len(), sheets, "{name}");
     check_folds_are_told(structure);
     for figure in &structure.figures {
-        let residual = &figure.quality.residual_variance;
+        let residual = figure.quality.residual_variance();
         let all = [residual.medial, residual.upper, residual.lower];
-        assert!(all.iter().all(|r| (0.0..0.05).contains(r)), "{name}: {all:?}");
+        assert!(all.iter().flatten().filter(|r| (0.0..0.05).contains(*r)).count() == 3, "{name}: {all:?}");
         let spread = figure.landmarks.named().map(|(_, count)| *count);
         assert!(spread.iter().all(|count| *count > 0), "each surface is laid flat on its own: {spread:?}");
     }

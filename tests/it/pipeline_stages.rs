@@ -5,11 +5,11 @@ use std::collections::BTreeSet;
 use medialrep::cancel::Never;
 use medialrep::model::LatticeSize;
 use medialrep::numerics::topology::{is_simple, neighborhood};
-use medialrep::params::{Landmarks, LatticeKind, Neighbors};
+use medialrep::params::{Embedding, Landmarks, LatticeKind, Neighbors};
 use medialrep::pipeline::lattice::lattice;
 use medialrep::pipeline::lattice::map::SpaceFromPlane;
 use medialrep::pipeline::medial::{MedialSurface, medial_surface};
-use medialrep::pipeline::plane::isomap::flatten;
+use medialrep::pipeline::plane::embedding::{EmbeddingError, Method, flatten};
 use medialrep::pipeline::plane::region::Region;
 use medialrep::pipeline::sheets::sheets;
 use medialrep::pipeline::sheets::sides::sides;
@@ -123,21 +123,25 @@ fn hairpin() -> Surface {
     })
 }
 
+fn isomap(neighbors: Neighbors, landmarks: Landmarks) -> Method {
+    Method { embedding: Embedding::Isomap, neighbors, landmarks }
+}
+
 #[test]
 fn no_edge_jumps_across_a_fold() {
     for neighbors in [Neighbors::Auto, Neighbors::Count(30), Neighbors::RadiusMm(4.0)] {
-        let flat = flatten(&hairpin(), neighbors, Landmarks::Auto, 1.0, &Never).expect("flat");
+        let flat = flatten(&hairpin(), isomap(neighbors, Landmarks::Auto), 1.0, &Never).expect("flat");
         let length = (flat.points[62] - flat.points[0]).norm();
         // Edges may cut the corners of the bend, which takes up to 6; a jump would take 50.
         assert!((54.0..64.0).contains(&length), "{neighbors:?}: 62 along the strip, {length:.1} in the plane");
-        assert!(flat.residual_variance < 0.01);
+        assert!(flat.embedded.expect("laid flat").residual_variance < 0.01);
     }
 }
 
 #[test]
 fn a_flat_sheet_is_laid_flat_with_its_lengths() {
     let sheet = sheet_of(30, 40, |i, j| Point3::new(f64::from(j), f64::from(i), 0.0));
-    let flat = flatten(&sheet, Neighbors::Count(50), Landmarks::All, 1.0, &Never).expect("flat");
+    let flat = flatten(&sheet, isomap(Neighbors::Count(50), Landmarks::All), 1.0, &Never).expect("flat");
     let far = (1..sheet.positions.len()).filter(|&p| (sheet.positions[p] - sheet.positions[0]).norm() > 8.0);
     let errors: Vec<f64> = far
         .map(|p| (flat.points[p] - flat.points[0]).norm() / (sheet.positions[p] - sheet.positions[0]).norm() - 1.0)
@@ -150,14 +154,13 @@ fn a_flat_sheet_is_laid_flat_with_its_lengths() {
 
 #[test]
 fn degenerate_surfaces_are_typed_outcomes() {
-    use medialrep::pipeline::plane::isomap::IsomapError;
     let line = |n: u32| Surface {
         positions: (0..n).map(|k| Point3::new(f64::from(k), 0.0, 0.0)).collect(),
         adjacency: (0..n).map(|k| (k.saturating_sub(1)..(k + 2).min(n)).filter(|&m| m != k).collect()).collect(),
     };
-    let flat = |surface: &Surface| flatten(surface, Neighbors::Auto, Landmarks::Auto, 1.0, &Never).err();
-    assert_eq!(flat(&line(3)), Some(IsomapError::TooFewPoints { points: 3 }));
-    assert_eq!(flat(&line(40)), Some(IsomapError::NoPlane));
+    let flat = |surface: &Surface| flatten(surface, isomap(Neighbors::Auto, Landmarks::Auto), 1.0, &Never).err();
+    assert_eq!(flat(&line(3)), Some(EmbeddingError::TooFewPoints { points: 3 }));
+    assert_eq!(flat(&line(40)), Some(EmbeddingError::NoPlane));
 }
 
 /// Points of a half ring, 20 to 32 from its centre.

@@ -1,7 +1,7 @@
 //! What is measured of a result. Nothing that the program says of its nodes is believed but the overlap.
 
-use medialrep::pipeline::PipelineError;
 use medialrep::model::{Figure, Model};
+use medialrep::pipeline::PipelineError;
 use medialrep::samples::{Sample, Solid, by_name};
 use medialrep::space::{WorldPoint, WorldVector};
 use serde::{Deserialize, Serialize};

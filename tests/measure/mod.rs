@@ -11,8 +11,8 @@ pub mod accuracy;
 pub mod table;
 
 use medialrep::model::Model;
-use medialrep::pipeline::observer::Silent;
 use medialrep::params::{GridChoice, Params};
+use medialrep::pipeline::observer::Silent;
 use medialrep::pipeline::{PipelineError, run};
 use medialrep::space::LabelVolume;
 

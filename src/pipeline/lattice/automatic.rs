@@ -6,8 +6,8 @@ use crate::model::{Automatic, GridFrom};
 use crate::numerics::field::floor_index;
 use crate::params::{CheckedParams, GridChoice, LATTICE_SIDE, Neighbors};
 use crate::pipeline::lattice::Lattice;
-use crate::pipeline::plane::isomap::{AUTO_RADIUS, Flat};
 use crate::pipeline::plane::region::Region;
+use crate::pipeline::plane::{AUTO_RADIUS, Flat};
 
 /// Nodes of an automatic lattice without a spacing: the paper's 6 × 8 and a little more.
 const NODES: f64 = 64.0;
@@ -35,7 +35,7 @@ pub fn automatic(
         Neighbors::RadiusMm(radius) => (Some(radius), format!("ball of {radius} mm, as asked")),
         Neighbors::Count(k) => (None, format!("{k} nearest, as asked")),
     };
-    let graph_pieces = PerSurface { medial: flat.medial.pieces, upper: flat.upper.pieces, lower: flat.lower.pieces };
+    let graph_pieces = flat.map(|flat| flat.embedded.map_or(0, |embedded| embedded.pieces));
     let facts = Automatic { neighborhood_mm, neighborhood, graph_pieces, grid_from, length_mm, width_mm };
     (size, facts)
 }

@@ -93,7 +93,7 @@ pub fn lattices(
     number: usize,
     context: &Context<'_>,
 ) -> Result<(Automatic, Laid), PipelineError> {
-    let Framed { flat, frame } = framed;
+    let Framed { flat, frame, .. } = framed;
     let own_region = Region::of(&flat.medial.points, context)?;
     if number == 0 {
         check_extents(&own_region, sheet, solid)?;

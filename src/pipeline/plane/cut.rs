@@ -5,16 +5,19 @@
 //! two layers. The residual variance tells such sheets. They are cut in two until every part can be
 //! laid flat; the parts meet at a hinge, as branches do.
 //!
+//! LLE and Laplacian eigenmaps do not keep distances, so the residual variance of a good plane of theirs may be
+//! large: of theirs it is the share that lies turned over.
+//!
 //! A sheet that forks around a notch can be laid flat, but its lattice would have to run round the
 //! notch. One of its arms is cut off.
 
 use crate::numerics::field::{floor_index, id};
 
 use crate::cancel::{Cancel, Cancelled};
-use crate::params::Landmarks;
+use crate::params::{Embedding, Landmarks};
 use crate::pipeline::context::Context;
 use crate::pipeline::medial::MedialSurface;
-use crate::pipeline::plane::isomap::{Flat, IsomapError, flatten};
+use crate::pipeline::plane::embedding::{EmbeddingError, Flat, MAX_TURNED_OVER, Method, flatten};
 use crate::pipeline::plane::region::{HOLES_REFUSED, Region};
 use crate::pipeline::sheets::sides::is_orientable;
 use crate::pipeline::sheets::surface::Surface;
@@ -55,24 +58,50 @@ pub struct Laid {
     pub flat: Vec<Option<Flat>>,
 }
 
+/// The measure that tells a sheet which is not laid flat.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Fault {
+    Residual,
+    TurnedOver,
+}
+
+impl Fault {
+    fn of(embedding: Embedding) -> Self {
+        if embedding == Embedding::Isomap { Self::Residual } else { Self::TurnedOver }
+    }
+
+    /// What a plane to work in has at most.
+    fn most(self) -> f64 {
+        match self {
+            Self::Residual => MAX_RESIDUAL,
+            Self::TurnedOver => MAX_TURNED_OVER,
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Residual => "residual variance",
+            Self::TurnedOver => "share turned over",
+        }
+    }
+}
+
 /// A connected part of a sheet in its plane.
 struct Part {
     /// Medial points, ascending.
     members: Vec<u32>,
     surface: Surface,
     flat: Option<Flat>,
+    /// What is wrong with its plane, by the measure of the embedding; 0 of what is not laid flat.
+    fault: f64,
     /// Strings were taken off.
     is_bare: bool,
 }
 
 impl Part {
-    fn residual(&self) -> f64 {
-        self.flat.as_ref().map_or(0.0, |flat| flat.residual_variance)
-    }
-
     /// Whether it has no plane of its own.
-    fn is_curled(&self) -> bool {
-        self.residual() > MAX_RESIDUAL
+    fn is_curled(&self, fault: Fault) -> bool {
+        self.fault > fault.most()
     }
 
     /// One of two arms of a sheet that forks along its long axis: such a sheet has no lattice, for
@@ -95,6 +124,7 @@ impl Part {
 struct Cutter<'a> {
     surface: &'a MedialSurface,
     voxel_mm: f64,
+    fault: Fault,
     context: &'a Context<'a>,
 }
 
@@ -108,18 +138,18 @@ pub fn laid_flat(
     solid: &Solid,
     context: &Context<'_>,
 ) -> Result<Laid, Cancelled> {
-    let cutter = Cutter { surface, voxel_mm: solid.voxel_mm, context };
     let params = context.params;
+    let cutter = Cutter { surface, voxel_mm: solid.voxel_mm, fault: Fault::of(params.embedding), context };
     let most = params.max_figures.unwrap_or(usize::MAX);
     let mut count = sheets.members.len();
     let mut label = sheets.sheet_of.clone();
     let mut laid = Vec::new();
     for (number, members) in sheets.members.iter().enumerate() {
         let before = cutter.lay(members, params.landmarks)?;
-        let residual = before.residual();
+        let fault = before.fault;
         let (mut parts, mut done) = (vec![before], Vec::new());
         while let Some(part) = parts.pop() {
-            let is_refused = is_refused(surface, &part, context)?;
+            let is_refused = is_refused(surface, &part, cutter.fault, context)?;
             let pieces = if is_refused { Vec::new() } else { cutter.pieces(&part, most - count)? };
             if pieces.is_empty() {
                 done.push(part);
@@ -137,7 +167,7 @@ pub fn laid_flat(
                     *part = cutter.lay(&part.members, params.landmarks)?;
                 }
             }
-            context.warn("sheet_cut", said(number, residual, members.len(), &done));
+            context.warn("sheet_cut", said(number, (cutter.fault, fault), members.len(), &done));
         }
         laid.extend(done);
     }
@@ -202,8 +232,8 @@ fn arm(
 
 /// Whether a sheet is refused for what it is, a band with one side or a ring: cut, it would look like
 /// one that is not.
-fn is_refused(surface: &MedialSurface, part: &Part, cancel: &dyn Cancel) -> Result<bool, Cancelled> {
-    if !part.is_curled() {
+fn is_refused(surface: &MedialSurface, part: &Part, fault: Fault, cancel: &dyn Cancel) -> Result<bool, Cancelled> {
+    if !part.is_curled(fault) {
         return Ok(false);
     }
     let region = part.flat.as_ref().map(|flat| Region::of(&flat.points, cancel)).transpose()?;
@@ -212,25 +242,26 @@ fn is_refused(surface: &MedialSurface, part: &Part, cancel: &dyn Cancel) -> Resu
 }
 
 /// What was done to a sheet.
-fn said(number: usize, residual: f64, points: usize, parts: &[Part]) -> String {
+fn said(number: usize, (fault, before): (Fault, f64), points: usize, parts: &[Part]) -> String {
     let left = points - parts.iter().map(|part| part.members.len()).sum::<usize>();
-    let worst = parts.iter().map(Part::residual).fold(0.0, f64::max);
-    let why = if residual > MAX_RESIDUAL { "cannot be laid flat" } else { "forks around a notch" };
-    let mut message = format!("sheet {number} {why} (residual variance {residual:.3})");
+    let worst = parts.iter().map(|part| part.fault).fold(0.0, f64::max);
+    let why = if before > fault.most() { "cannot be laid flat" } else { "forks around a notch" };
+    let name = fault.name();
+    let mut message = format!("sheet {number} {why} ({name} {before:.3})");
     if left > 0 {
         message += &format!("; {left} of its {points} points are in strings and were left out");
     }
     if parts.len() > 1 {
         message += &format!("; it was cut in {} parts", parts.len());
     }
-    message + &format!("; the residual variance is {worst:.3} at most now")
+    message + &format!("; the {name} is {worst:.3} at most now")
 }
 
 impl Cutter<'_> {
     /// What a part that cannot be laid flat, or forks, falls into, at most `more` parts more than there
     /// were; nothing when it stays. Strings are taken off first.
     fn pieces(&self, part: &Part, more: usize) -> Result<Vec<Part>, Cancelled> {
-        if part.is_curled() && !part.is_bare {
+        if part.is_curled(self.fault) && !part.is_bare {
             let mut bare = self.without_strings(&part.members)?;
             bare.truncate(more.saturating_add(1));
             if bare.first().is_some_and(|largest| largest.len() < part.members.len()) {
@@ -245,7 +276,7 @@ impl Cutter<'_> {
         let arm = part.arm(self.context)?;
         let halves = if let Some(members) = arm.map(|arm| self.split(part, &arm, MIN_ARM)).transpose()?.flatten() {
             Some(self.lay_both(part, &members)?)
-        } else if part.is_curled() {
+        } else if part.is_curled(self.fault) {
             self.halves(part)?
         } else {
             None
@@ -303,13 +334,21 @@ impl Cutter<'_> {
     fn lay(&self, members: &[u32], landmarks: Landmarks) -> Result<Part, Cancelled> {
         let members = self.largest_piece(members)?;
         let surface = self.surface.part(&members, self.context)?;
-        let flat = match flatten(&surface, self.context.params.neighbors, landmarks, self.voxel_mm, self.context) {
+        let method = Method { landmarks, ..self.context.params.into() };
+        let flat = match flatten(&surface, method, self.voxel_mm, self.context) {
             Ok(flat) => Some(flat),
-            Err(IsomapError::Cancelled(stop)) => return Err(stop),
+            Err(EmbeddingError::Cancelled(stop)) => return Err(stop),
             // Said where the sheet is laid out.
             Err(_) => None,
         };
-        Ok(Part { members, surface, flat, is_bare: false })
+        let fault = match (&flat, self.fault) {
+            (None, _) => 0.0,
+            (Some(flat), Fault::Residual) => flat.embedded.map_or(0.0, |embedded| embedded.residual_variance),
+            (Some(flat), Fault::TurnedOver) => {
+                flat.distortion(&surface, self.context)?.map_or(0.0, |distortion| distortion.turned_over)
+            }
+        };
+        Ok(Part { members, surface, flat, fault, is_bare: false })
     }
 
     fn largest_piece(&self, members: &[u32]) -> Result<Vec<u32>, Cancelled> {
@@ -317,12 +356,11 @@ impl Cutter<'_> {
         Ok(largest.into_iter().map(|k| members[k as usize]).collect())
     }
 
-    /// The two parts of the cut that leaves the lowest residual variance, if that is lower than
-    /// before.
+    /// The two parts of the cut that leaves the lowest fault, if that is lower than before.
     fn halves(&self, part: &Part) -> Result<Option<[Part; 2]>, Cancelled> {
         let Some(flat) = &part.flat else { return Ok(None) };
         let mut best: Option<[Part; 2]> = None;
-        let mut least = part.residual();
+        let mut least = part.fault;
         for axis in 0..2 {
             let mut order: Vec<usize> = (0..part.members.len()).collect();
             order.sort_by(|&a, &b| flat.points[a][axis].total_cmp(&flat.points[b][axis]));
@@ -330,7 +368,7 @@ impl Cutter<'_> {
                 let split = floor_index(order.len() as f64 * place);
                 let Some(members) = self.split(part, &order[..split], MIN_HALF)? else { continue };
                 let halves = self.lay_both(part, &members)?;
-                let worst = halves.iter().map(Part::residual).fold(0.0, f64::max);
+                let worst = halves.iter().map(|half| half.fault).fold(0.0, f64::max);
                 if worst < least {
                     least = worst;
                     best = Some(halves);

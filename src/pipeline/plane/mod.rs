@@ -1,6 +1,18 @@
 //! Stage 5 (the paper's ISOMAP, section 2.4): sheets laid flat.
 
-pub mod isomap;
+pub mod embedding;
+
+mod graph;
+
+mod geodesics;
+
+mod isomap;
+
+mod lle;
+
+mod laplacian;
+
+pub mod tangents;
 
 pub mod region;
 
@@ -10,14 +22,16 @@ pub mod frame;
 
 pub mod strip;
 
-pub use self::isomap::Flat;
+pub use self::embedding::{Embedded, Flat, Method, flatten};
+pub use self::graph::AUTO_RADIUS;
 
+use self::embedding::EmbeddingError;
 use self::frame::in_frame;
-use self::isomap::{IsomapError, flatten};
 use self::strip::unfolded;
+use self::tangents::PlaneDistortion;
 use crate::model::{FrameFacts, PerSurface, Refusal};
 use crate::numerics::fit::Rigid2;
-use crate::params::Correspondence;
+use crate::params::{Correspondence, Embedding};
 use crate::pipeline::PipelineError;
 use crate::pipeline::context::Context;
 use crate::pipeline::sheets::MIN_SHEET_POINTS;
@@ -31,6 +45,9 @@ use nalgebra::Point2;
 pub struct Framed {
     /// The planes.
     pub flat: PerSurface<Flat>,
+    /// What the planes do to angles and sides; `None` of a side that takes its coordinates from the sheet, and where
+    /// nothing can be judged.
+    pub distortion: PerSurface<Option<PlaneDistortion>>,
     /// Which way the sheet lies in the world.
     pub frame: FrameFacts,
 }
@@ -48,9 +65,8 @@ pub fn framed(
     context: &Context<'_>,
 ) -> Result<Framed, PipelineError> {
     let flat_of = |name: &str, surface: &Surface| {
-        let params = context.params;
-        let flat = flatten(surface, params.neighbors, params.landmarks, solid.voxel_mm, context)
-            .map_err(|error| refused(error, sheet, solid.voxel_mm))?;
+        let flat = flatten(surface, context.params.into(), solid.voxel_mm, context)
+            .map_err(|error| refused(error, context.params.embedding, sheet, solid.voxel_mm))?;
         warn_of_pieces(&flat, name, number, context);
         Ok::<Flat, PipelineError>(flat)
     };
@@ -66,20 +82,26 @@ pub fn framed(
     if context.params.correspondence == Correspondence::Anchored {
         medial.points = unfolded(sheet, &medial.points, context)?;
         let (upper, lower) = (carried(&sheet.upper, &medial), carried(&sheet.lower, &medial));
-        return Ok(Framed { flat: PerSurface { medial, upper, lower }, frame });
+        let distortion = PerSurface { medial: medial.distortion(&sheet.medial, context)?, ..PerSurface::default() };
+        return Ok(Framed { flat: PerSurface { medial, upper, lower }, distortion, frame });
     }
     let upper = flat_of("upper", &sheet.upper.surface)?;
     let lower = flat_of("lower", &sheet.lower.surface)?;
     let upper = aligned(upper, &sheet.upper, &medial);
     let lower = aligned(lower, &sheet.lower, &medial);
-    Ok(Framed { flat: PerSurface { medial, upper, lower }, frame })
+    let distortion = PerSurface {
+        medial: medial.distortion(&sheet.medial, context)?,
+        upper: upper.distortion(&sheet.upper.surface, context)?,
+        lower: lower.distortion(&sheet.lower.surface, context)?,
+    };
+    Ok(Framed { flat: PerSurface { medial, upper, lower }, distortion, frame })
 }
 
 fn warn_of_pieces(flat: &Flat, name: &str, number: usize, context: &Context<'_>) {
-    if flat.pieces > 1 {
+    let pieces = flat.embedded.map_or(1, |embedded| embedded.pieces);
+    if pieces > 1 {
         let message = format!(
-            "the neighbourhood graph of the {name} surface of sheet {number} fell into {} pieces, joined through touching voxels",
-            flat.pieces
+            "the neighbourhood graph of the {name} surface of sheet {number} fell into {pieces} pieces, joined through touching voxels",
         );
         context.warn("neighborhood_too_small", message);
     }
@@ -87,13 +109,7 @@ fn warn_of_pieces(flat: &Flat, name: &str, number: usize, context: &Context<'_>)
 
 /// A side that takes its coordinates from the sheet; it has no graph of its own.
 fn carried(side: &Side, medial: &Flat) -> Flat {
-    Flat {
-        points: side.partners.iter().map(|&p| medial.points[p as usize]).collect(),
-        residual_variance: f64::NAN,
-        neighbors: f64::NAN,
-        landmarks: 0,
-        pieces: 0,
-    }
+    Flat { points: side.partners.iter().map(|&p| medial.points[p as usize]).collect(), embedded: None }
 }
 
 /// A flattened side, turned rigidly onto the flattened sheet.
@@ -106,12 +122,19 @@ fn aligned(mut flat: Flat, side: &Side, medial: &Flat) -> Flat {
     flat
 }
 
-fn refused(error: IsomapError, sheet: &SheetSides, voxel_mm: f64) -> PipelineError {
+/// Why a sheet has no figure when it, or a side of it, could not be laid flat.
+fn refused(error: EmbeddingError, embedding: Embedding, sheet: &SheetSides, voxel_mm: f64) -> PipelineError {
+    let method = match embedding {
+        Embedding::Isomap => "exact ISOMAP",
+        Embedding::Lle => "LLE",
+        Embedding::Laplacian => "Laplacian eigenmaps",
+    };
     let refusal = match error {
-        IsomapError::Cancelled(stop) => return stop.into(),
-        IsomapError::TooFewPoints { points } => Refusal::TooSmall { points, needed: MIN_SHEET_POINTS },
-        IsomapError::TooManyForExact { points, limit } => Refusal::TooManyPoints { points, limit },
-        IsomapError::NoPlane => {
+        EmbeddingError::Cancelled(stop) => return stop.into(),
+        EmbeddingError::TooFewPoints { points } => Refusal::TooSmall { points, needed: MIN_SHEET_POINTS },
+        EmbeddingError::TooManyPoints { points, limit } => Refusal::TooManyPoints { method, points, limit },
+        EmbeddingError::NoEigenvectors(reason) => Refusal::NoEmbedding { method, reason: reason.to_string() },
+        EmbeddingError::NoPlane => {
             let from = sheet.medial.positions[0];
             let length = sheet.medial.positions.iter().map(|p| (p - from).norm()).fold(0.0, f64::max);
             let radius = sheet.radii.iter().copied().fold(0.0, f64::max);

@@ -12,9 +12,13 @@ use crate::numerics::triangles::self_intersections;
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::Shell;
 use crate::model::closed;
-use crate::model::{Distortion, FigureQuality, MeanAndP95, Repair, StructureQuality, TriangleMesh};
+use crate::model::{
+    Distortion, EmbeddingQuality, FigureQuality, MeanAndP95, PerSurface, Repair, StructureQuality, TriangleMesh,
+};
 use crate::pipeline::context::Context;
 use crate::pipeline::draft::Draft;
+use crate::pipeline::plane::Flat;
+use crate::pipeline::plane::tangents::PlaneDistortion;
 use crate::pipeline::quality::coverage::{SkinSearch, coverage};
 use crate::pipeline::quality::measures::{FlatQuads, medial_offset, spacing_variation, worse};
 use crate::pipeline::quality::verdict::judge;
@@ -68,9 +72,13 @@ pub fn quality(
 /// # Errors
 /// When it is cancelled.
 pub fn figure_quality(draft: &Draft, cancel: &dyn Cancel) -> Result<FigureQuality, Cancelled> {
-    let Draft { nodes, flat, repair, .. } = draft;
+    let Draft { nodes, flat, distortion, repair, .. } = draft;
     let (quads, repair) = (FlatQuads::from(nodes), *repair);
-    let residual_variance = flat.map(|flat| flat.residual_variance);
+    let embedding = PerSurface {
+        medial: embedding_quality(&flat.medial, distortion.medial),
+        upper: embedding_quality(&flat.upper, distortion.upper),
+        lower: embedding_quality(&flat.lower, distortion.lower),
+    };
     let shell = Shell::from(nodes);
     let legality = legality(shell);
     let named = |is_wedge: bool| {
@@ -81,7 +89,7 @@ pub fn figure_quality(draft: &Draft, cancel: &dyn Cancel) -> Result<FigureQualit
     let crossings = |mesh: TriangleMesh| self_intersections(&mesh.positions, &mesh.triangles, cancel);
     let is_untouched = repair.moved_nodes == 0;
     Ok(FigureQuality {
-        residual_variance,
+        embedding,
         folds: legality.folds,
         corners: legality.corners,
         folded_cells: named(false),
@@ -130,10 +138,8 @@ fn summed(figures: &[FigureQuality]) -> StructureQuality {
             shortened_nodes: sum(&|f| f.repair.shortened_nodes),
         },
         self_intersections: figures.iter().filter_map(|f| f.self_intersections).reduce(|a, b| a + b),
-        // Sides that were not laid flat have none.
-        residual_variance: largest(&|f| {
-            f.residual_variance.upper.max(f.residual_variance.lower).max(0.0).max(f.residual_variance.medial)
-        }),
+        residual_variance: of_planes(figures, |plane| Some(plane.residual_variance)).unwrap_or(0.0),
+        turned_over: of_planes(figures, |plane| plane.turned_over),
         spacing_variation: largest(&|f| f.spacing_variation),
         distortion: Distortion {
             area_sd: largest(&|f| f.distortion.area_sd),
@@ -144,6 +150,28 @@ fn summed(figures: &[FigureQuality]) -> StructureQuality {
         medial_offset: MeanAndP95 { mean: largest(&|f| f.medial_offset.mean), p95: largest(&|f| f.medial_offset.p95) },
         ..StructureQuality::default()
     }
+}
+
+/// How truly a surface was laid flat; `None` of a side that takes its coordinates from the sheet.
+fn embedding_quality(flat: &Flat, distortion: Option<PlaneDistortion>) -> Option<EmbeddingQuality> {
+    flat.embedded.map(|embedded| EmbeddingQuality {
+        residual_variance: embedded.residual_variance,
+        turned_over: distortion.map(|distortion| distortion.turned_over),
+        angle_error_deg: distortion.map(|distortion| distortion.angle_error_deg),
+    })
+}
+
+/// The largest of a measure over all planes that have it.
+fn of_planes(figures: &[FigureQuality], of: impl Fn(&EmbeddingQuality) -> Option<f64>) -> Option<f64> {
+    let mut largest: Option<f64> = None;
+    for figure in figures {
+        for (_, plane) in figure.embedding.named() {
+            if let Some(value) = plane.as_ref().and_then(&of) {
+                largest = Some(worse(largest.unwrap_or(0.0), value));
+            }
+        }
+    }
+    largest
 }
 
 /// The largest of a measure over figures.

@@ -2,6 +2,7 @@
 //! thresholds and nothing else, so that a reader can follow it.
 
 use crate::model::{FigureQuality, Reason, StructureQuality, Threshold, Verdict};
+use crate::pipeline::plane::embedding::MAX_TURNED_OVER;
 use crate::pipeline::quality::worst;
 
 /// Thresholds as `(warn, fail)`. Overlap of the cells with the mask.
@@ -85,6 +86,13 @@ fn table(quality: &StructureQuality, figures: &[FigureQuality], voxel_mm: f64) -
         below("covered_share", "share of the mask's surface covered", quality.coverage.covered_share, COVERED),
         above("surface_distance", "95 % distance from the mask's surface, in voxels or tenths of the radius", far, FAR),
         above("residual_variance", "residual variance of the flattening", quality.residual_variance, RESIDUAL),
+        measure(
+            "turned_over",
+            "share of a surface that lies turned over where it was laid flat",
+            quality.turned_over.unwrap_or(0.0),
+            (None, Some(MAX_TURNED_OVER)),
+            false,
+        ),
         above("spacing_variation", "unevenness of the lattice", quality.spacing_variation, SPACING),
         above("medial_offset", "95 % offset of medial nodes from the middle", quality.medial_offset.p95, OFFSET),
         above("invalid_nodes", "share of nodes off the sheet", invalid, INVALID),
