@@ -21,7 +21,7 @@ bench:
 	cargo bench --locked --bench stages
 
 # Measures how accurate the program is on shapes with a known answer, writes docs/accuracy.json, which a test
-# holds, and prints it as the tables of the README; a few minutes.
+# holds, and prints it as the tables of docs/accuracy.md; a few minutes.
 accuracy:
 	@cargo run --quiet --locked --release --example accuracy
 	@cargo run --quiet --locked --release --example accuracy -- --table

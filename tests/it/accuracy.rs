@@ -211,8 +211,8 @@ fn the_file_is_as_the_program_writes_it() {
 }
 
 #[test]
-fn the_readme_has_the_figures_of_the_file() {
-    let readme = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md")).unwrap();
+fn the_document_has_the_figures_of_the_file() {
+    let document = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/accuracy.md")).unwrap();
     let table = written().to_markdown();
-    assert!(readme.contains(&table), "copy it from `cargo run --example accuracy -- --table`:\n{table}");
+    assert!(document.contains(&table), "copy it from `cargo run --example accuracy -- --table`:\n{table}");
 }
