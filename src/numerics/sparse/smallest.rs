@@ -454,10 +454,18 @@ mod tests {
         assert_eq!(found(-1.0, 400).err(), Some(EigenError::NotPositive));
     }
 
+    struct Stopped;
+
+    impl Cancel for Stopped {
+        fn is_cancelled(&self) -> bool {
+            true
+        }
+    }
+
     #[test]
     fn a_stop_is_heeded() {
         let (matrix, places) = grid(20, 20);
-        let found = smallest(&matrix, &places, 2, None, &|| Err(Cancelled));
+        let found = smallest(&matrix, &places, 2, None, &Stopped);
         assert_eq!(found.err(), Some(EigenError::Cancelled(Cancelled)));
     }
 }
