@@ -19,22 +19,7 @@ pub mod nifti_write;
 
 pub mod params_json;
 
-mod rounded;
-
-pub mod glb;
-
-mod gltf_build;
-
-mod colors;
-
-mod mesh_parts;
-
-mod evidence_json;
-mod quality_json;
-
-pub mod thickness_json;
-
-pub mod tables;
+pub mod write;
 
 pub use nifti::{InputLimits, ReadVolume, read, read_file};
 pub use read_error::ReadError;

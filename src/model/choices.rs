@@ -1,9 +1,11 @@
 //! What was chosen where the user left the choice to the program, and from what.
 
+use serde::{Deserialize, Serialize};
+
 use super::side::PerSurface;
 
 /// Where the size of a lattice comes from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum GridFrom {
     /// The parameter `grid`.
     #[default]
@@ -27,7 +29,7 @@ impl GridFrom {
 }
 
 /// The choices for one figure with what speaks for them.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Automatic {
     /// Radius of the neighbourhood, mm; none where a number of neighbours was asked for.
     pub neighborhood_mm: Option<f64>,

@@ -1,7 +1,7 @@
 //! The closed surface of a figure: upper side, crest, lower side as one watertight mesh.
 
-use crate::model::Shell;
-use crate::model::TriangleMesh;
+use super::meshes::TriangleMesh;
+use super::shell::Shell;
 use crate::numerics::field::id;
 use crate::numerics::triangles::volume;
 

@@ -1,25 +1,26 @@
-//! One single sheet with its two sides, sampled on a lattice.
+//! A figure: a part of an organ that is represented by itself.
+
+use serde::{Deserialize, Serialize};
 
 use super::choices::Automatic;
 use super::frame::FrameFacts;
 use super::grid::LatticeSize;
 use super::quality::FigureQuality;
-use super::side::PerSurface;
+use super::side::{PerSurface, Side};
 use super::uncertainty::Uncertainty;
 use crate::space::{ParamPoint, WorldPoint, WorldVector};
 
-/// The points of one surface and where ISOMAP put them.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct FlatPoints {
-    /// World positions, mm.
-    pub positions: Vec<WorldPoint>,
-    /// Intrinsic coordinates, mm, one per position.
-    pub flat: Vec<ParamPoint>,
+/// A part of an organ that is represented by itself, of one of several kinds.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Figure {
+    /// A single medial sheet with its two sides.
+    Sheet(Sheet),
 }
 
-/// One single sheet and its two sides, sampled on an N × M lattice.
-#[derive(Clone, Debug, Default)]
-pub struct Figure {
+/// One single sheet and its two sides, sampled on an N × M lattice (sections 2.3 to 4 of the paper).
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Sheet {
     /// Lattice size; all node arrays hold rows · cols entries, row-major (i slow).
     pub grid: LatticeSize,
     /// Medial nodes.
@@ -28,15 +29,15 @@ pub struct Figure {
     pub upper: Vec<WorldPoint>,
     /// Lower nodes.
     pub lower: Vec<WorldPoint>,
-    /// Crest points, one per node of the lattice edge in the order of [`ring`].
+    /// Crest points, one per node of the lattice edge in the order of [`ring`](super::ring).
     pub crest: Vec<WorldPoint>,
     /// Whether a node lies on the sheet (always, for the fitted lattice).
     pub valid: Vec<bool>,
     /// Radius of the largest ball inside the object centred at a medial node, mm.
     pub medial_radius_mm: Vec<f64>,
     /// Natural logarithm of (share of the medial sheet's area in space) / (share in the intrinsic
-    /// plane) of the quads round each node; not a number for a node without a quad.
-    pub area_distortion: Vec<f64>,
+    /// plane) of the quads round each node; `None` for a node without a quad.
+    pub area_distortion: Vec<Option<f64>>,
     /// Intrinsic coordinates of the nodes on each surface.
     pub intrinsic: PerSurface<Vec<ParamPoint>>,
     /// Neighbours per point of the neighbourhood graph, the mean where it varies; `None` of a side that takes its
@@ -56,20 +57,87 @@ pub struct Figure {
     pub uncertainty: Option<Uncertainty>,
 }
 
+/// The points of one surface and where it was laid flat.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FlatPoints {
+    /// World positions, mm.
+    pub positions: Vec<WorldPoint>,
+    /// Intrinsic coordinates, mm, one per position.
+    pub flat: Vec<ParamPoint>,
+}
+
 impl Figure {
-    /// Thickness vectors to the upper side.
+    /// Stable name of its kind.
     #[must_use]
-    pub fn upper_vectors(&self) -> Vec<WorldVector> {
-        vectors(&self.medial, &self.upper)
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Sheet(_) => "sheet",
+        }
     }
 
-    /// Thickness vectors to the lower side.
+    /// Its lattice.
     #[must_use]
-    pub fn lower_vectors(&self) -> Vec<WorldVector> {
-        vectors(&self.medial, &self.lower)
+    pub fn grid(&self) -> LatticeSize {
+        match self {
+            Self::Sheet(sheet) => sheet.grid,
+        }
+    }
+
+    /// How good it is.
+    #[must_use]
+    pub fn quality(&self) -> &FigureQuality {
+        match self {
+            Self::Sheet(sheet) => &sheet.quality,
+        }
+    }
+
+    /// The sheet that it is.
+    #[must_use]
+    pub fn as_sheet(&self) -> Option<&Sheet> {
+        match self {
+            Self::Sheet(sheet) => Some(sheet),
+        }
     }
 }
 
-fn vectors(from: &[WorldPoint], to: &[WorldPoint]) -> Vec<WorldVector> {
-    from.iter().zip(to).map(|(a, b)| b - a).collect()
+impl Sheet {
+    /// Nodes of a side.
+    #[must_use]
+    pub fn side(&self, side: Side) -> &[WorldPoint] {
+        match side {
+            Side::Upper => &self.upper,
+            Side::Lower => &self.lower,
+        }
+    }
+
+    /// Thickness vectors to a side: from each medial node to the corresponding node of the side.
+    #[must_use]
+    pub fn vectors(&self, side: Side) -> Vec<WorldVector> {
+        self.medial.iter().zip(self.side(side)).map(|(from, to)| to - from).collect()
+    }
+
+    /// Lengths of the thickness vectors to a side, mm: the paper's thickness.
+    #[must_use]
+    pub fn lengths_mm(&self, side: Side) -> Vec<f64> {
+        self.vectors(side).iter().map(WorldVector::norm).collect()
+    }
+
+    /// Sum of both lengths at each node, mm.
+    #[must_use]
+    pub fn total_mm(&self) -> Vec<f64> {
+        let (upper, lower) = (self.lengths_mm(Side::Upper), self.lengths_mm(Side::Lower));
+        upper.iter().zip(&lower).map(|(upper, lower)| upper + lower).collect()
+    }
+
+    /// Whether a node can be drawn: it lies on the sheet, and its places are finite.
+    #[must_use]
+    pub fn drawable(&self) -> Vec<bool> {
+        let is_finite = |point: &WorldPoint| point.iter().all(|x| x.is_finite());
+        let mut drawable = self.valid.clone();
+        for (node, is_drawable) in drawable.iter_mut().enumerate() {
+            let places = [&self.medial[node], &self.upper[node], &self.lower[node]];
+            *is_drawable &= places.into_iter().all(is_finite);
+        }
+        drawable
+    }
 }

@@ -1,9 +1,11 @@
 //! Which way a figure lies in the world.
 
+use serde::{Deserialize, Serialize};
+
 use crate::space::WorldVector;
 
 /// How the axes of a figure were found.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FrameRule {
     /// Columns along the longer extent.
     #[default]
@@ -27,7 +29,7 @@ impl FrameRule {
 }
 
 /// The frame of a figure in the world.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FrameFacts {
     /// How the axes were found.
     pub rule: FrameRule,

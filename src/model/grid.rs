@@ -1,7 +1,9 @@
 //! The lattice of a figure: its size, and the nodes round its edge.
 
+use serde::{Deserialize, Serialize};
+
 /// Lattice size: `rows` across the shorter intrinsic axis, `cols` along the longer.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LatticeSize {
     /// Nodes across (i).
     pub rows: usize,

@@ -32,19 +32,19 @@ mod summary;
 
 pub use choices::{Automatic, GridFrom};
 pub use closed::closed;
-pub use figure::{Figure, FlatPoints};
+pub use figure::{Figure, FlatPoints, Sheet};
 pub use frame::{FrameFacts, FrameRule};
 pub use grid::{LatticeSize, ring};
-pub use meshes::TriangleMesh;
+pub use meshes::{SurfaceMesh, TriangleMesh, normals};
 pub use quality::{
-    Coverage, DistanceSummary, Distortion, EmbeddingQuality, FigureQuality, MeanAndP95, Reason, Repair,
+    Coverage, DistanceSummary, Distortion, EmbeddingQuality, FigureQuality, LatticePlace, MeanAndP95, Reason, Repair,
     StructureQuality, Threshold, Verdict,
 };
 pub use refusal::{Refusal, SHAPE_CODES};
 pub use shell::{EdgeStep, Quad, Shell, quad_area};
-pub use side::PerSurface;
+pub use side::{PerSurface, Side};
 pub use stage::{Stage, StageTimings};
-pub use structure::{Junction, Model, Structure};
+pub use structure::{Junction, Model, Pruning, Structure};
 pub use summary::{LengthSummary, ThicknessSummary, node_areas};
 pub use uncertainty::Uncertainty;
 pub use warning::Warning;

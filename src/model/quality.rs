@@ -1,9 +1,13 @@
 //! How far a result can be trusted.
 
-use super::side::PerSurface;
+use std::borrow::Cow;
+
+use serde::{Deserialize, Serialize};
+
+use super::side::{PerSurface, Side};
 
 /// Surface distances, mm.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DistanceSummary {
     /// Mean.
     pub mean_mm: f64,
@@ -14,7 +18,7 @@ pub struct DistanceSummary {
 }
 
 /// How well the solid of cells and crest wedges fits the mask.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Coverage {
     /// Overlap of all cells, crest wedges included, with the mask.
     pub dice: f64,
@@ -29,7 +33,7 @@ pub struct Coverage {
 }
 
 /// What was repaired before a figure was handed out.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Repair {
     /// Corners and centres of cells that were bad, or nearly so, before.
     pub folds_before: usize,
@@ -40,7 +44,7 @@ pub struct Repair {
 }
 
 /// How the medial quads differ between space and the intrinsic plane.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Distortion {
     /// Standard deviation of the area ratio (share of the sheet's area in space over share in
     /// the plane), weighted by the latter; the mean is 1.
@@ -54,7 +58,7 @@ pub struct Distortion {
 }
 
 /// A share over nodes.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MeanAndP95 {
     /// Mean.
     pub mean: f64,
@@ -72,8 +76,19 @@ impl MeanAndP95 {
     }
 }
 
+/// A place of the lattice on one side of a sheet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct LatticePlace {
+    /// The side.
+    pub side: Side,
+    /// Row.
+    pub i: usize,
+    /// Column.
+    pub j: usize,
+}
+
 /// How truly a surface was laid flat.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct EmbeddingQuality {
     /// 1 − R² of graph against embedded distances (Tenenbaum et al. 2000), after the best scaling.
     pub residual_variance: f64,
@@ -84,7 +99,7 @@ pub struct EmbeddingQuality {
 }
 
 /// How good one figure is.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FigureQuality {
     /// How truly each surface was laid flat; `None` of a side that takes its coordinates from the sheet.
     pub embedding: PerSurface<Option<EmbeddingQuality>>,
@@ -92,13 +107,12 @@ pub struct FigureQuality {
     pub folds: usize,
     /// Corners looked at.
     pub corners: usize,
-    /// Cells with a wrong corner or centre: (side is upper, i, j).
-    pub folded_cells: Vec<(bool, usize, usize)>,
+    /// Cells with a wrong corner or centre.
+    pub folded_cells: Vec<LatticePlace>,
     /// Cells whose Jacobian has the wrong sign in the centre.
     pub folded_centres: usize,
-    /// Crest wedges with a wrong corner or centre: (side is upper, i, j) of the edge node that
-    /// comes first in the [`ring`].
-    pub folded_wedges: Vec<(bool, usize, usize)>,
+    /// Crest wedges with a wrong corner or centre, at the edge node that comes first in the [`ring`](super::ring).
+    pub folded_wedges: Vec<LatticePlace>,
     /// What was repaired.
     pub repair: Repair,
     /// Pairs of triangles of the closed surface that run through each other; none without a
@@ -117,6 +131,18 @@ pub struct FigureQuality {
     pub valid_share: f64,
 }
 
+impl Verdict {
+    /// Its name in artifacts.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Pass => "pass",
+            Self::Warn => "warn",
+            Self::Fail => "fail",
+        }
+    }
+}
+
 impl FigureQuality {
     /// Residual variance of each surface.
     #[must_use]
@@ -126,7 +152,7 @@ impl FigureQuality {
 }
 
 /// How far a result can be trusted.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Verdict {
     /// Every measure is inside its threshold.
     #[default]
@@ -138,10 +164,10 @@ pub enum Verdict {
 }
 
 /// A measure outside its threshold.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Reason {
     /// Stable code, snake case.
-    pub code: &'static str,
+    pub code: Cow<'static, str>,
     /// One sentence.
     pub message: String,
     /// The measure.
@@ -151,10 +177,10 @@ pub struct Reason {
 }
 
 /// A measure that the verdict looks at.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Threshold {
     /// Stable code, snake case; that of the reason it gives.
-    pub code: &'static str,
+    pub code: Cow<'static, str>,
     /// The measure, of the worst figure where it is one of figures.
     pub value: f64,
     /// Whether small values are the bad ones.
@@ -166,7 +192,7 @@ pub struct Threshold {
 }
 
 /// How good a structure is.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StructureQuality {
     /// The worst of the reasons.
     pub verdict: Verdict,

@@ -1,7 +1,11 @@
 //! Why a shape has no medial representation: an answer, not a failure of the program.
 
+use std::borrow::Cow;
+
+use serde::{Deserialize, Serialize};
+
 /// A shape that is refused by name. Lengths are mm.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error, Serialize, Deserialize)]
 pub enum Refusal {
     /// No voxel has the label.
     #[error("label {label} is not in the mask")]
@@ -70,7 +74,7 @@ pub enum Refusal {
     #[error("{method} of {points} points was asked for, at most {limit} are allowed")]
     TooManyPoints {
         /// How it was to be laid flat.
-        method: &'static str,
+        method: Cow<'static, str>,
         /// Points of the surface.
         points: usize,
         /// Points allowed.
@@ -80,7 +84,7 @@ pub enum Refusal {
     #[error("the sheet could not be laid flat by {method}: {reason}")]
     NoEmbedding {
         /// How it was to be laid flat.
-        method: &'static str,
+        method: Cow<'static, str>,
         /// What went wrong.
         reason: String,
     },

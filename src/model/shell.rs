@@ -3,8 +3,8 @@
 
 use nalgebra::Point3;
 
-use crate::model::LatticeSize;
-use crate::model::{Figure, ring};
+use super::figure::Sheet;
+use super::grid::{LatticeSize, ring};
 
 /// A crest point this near to a surface node is that node, as a share of the longer of the two
 /// vectors to them. Larger, a thin but open wedge would count as closed and never be looked at;
@@ -28,15 +28,15 @@ pub struct Shell<'a> {
     pub valid: &'a [bool],
 }
 
-impl<'a> From<&'a Figure> for Shell<'a> {
-    fn from(figure: &'a Figure) -> Self {
+impl<'a> From<&'a Sheet> for Shell<'a> {
+    fn from(sheet: &'a Sheet) -> Self {
         Self {
-            size: figure.grid,
-            medial: &figure.medial,
-            upper: &figure.upper,
-            lower: &figure.lower,
-            crest: &figure.crest,
-            valid: &figure.valid,
+            size: sheet.grid,
+            medial: &sheet.medial,
+            upper: &sheet.upper,
+            lower: &sheet.lower,
+            crest: &sheet.crest,
+            valid: &sheet.valid,
         }
     }
 }

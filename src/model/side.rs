@@ -1,13 +1,38 @@
 //! The surfaces of a sheet: the medial sheet and its two sides.
 
+use serde::{Deserialize, Serialize};
+
+/// One side of a sheet. Which of the two is the upper one is fixed by the world, see [`FrameFacts`](super::FrameFacts).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub enum Side {
+    /// The side that the upper nodes lie on.
+    Upper,
+    /// The other one.
+    Lower,
+}
+
+impl Side {
+    /// Both, the upper one first.
+    pub const BOTH: [Self; 2] = [Self::Upper, Self::Lower];
+
+    /// Its name in artifacts.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Upper => "upper",
+            Self::Lower => "lower",
+        }
+    }
+}
+
 /// A value for each of the three surfaces of a figure.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PerSurface<T> {
     /// The medial sheet.
     pub medial: T,
-    /// The side that [`Figure::upper`] lies on.
+    /// The upper side.
     pub upper: T,
-    /// The other side.
+    /// The lower side.
     pub lower: T,
 }
 

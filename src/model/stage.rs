@@ -1,9 +1,11 @@
 //! The stages that a result comes through, and the time each took.
 
+use serde::{Deserialize, Serialize};
+
 use std::time::Duration;
 
 /// The stages in the order of the paper; their names are those of `timings_ms`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Stage {
     /// Cutting out, cleaning, resampling and smoothing the mask.
     Mask,
@@ -57,7 +59,7 @@ impl Stage {
 }
 
 /// Wall milliseconds of each stage, in the order of [`Stage::ALL`].
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StageTimings(pub [f64; Stage::ALL.len()]);
 
 impl StageTimings {

@@ -1,6 +1,8 @@
 //! A whole result, and one label's part of it.
 
-use super::figure::Figure;
+use serde::{Deserialize, Serialize};
+
+use super::figure::{Figure, Sheet};
 use super::meshes::TriangleMesh;
 use super::quality::StructureQuality;
 use super::refusal::Refusal;
@@ -10,7 +12,7 @@ use crate::params::CheckedParams;
 use crate::space::{WorldFromVoxel, WorldPoint};
 
 /// Where sheets meet (a hinge).
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Junction {
     /// Indices of the figures that meet.
     pub figures: Vec<usize>,
@@ -18,23 +20,38 @@ pub struct Junction {
     pub points: Vec<WorldPoint>,
 }
 
+/// How the sheets of the medial surface were pruned.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Pruning {
+    /// Strength, 0 to 1.
+    pub strength: f64,
+    /// Share of the object's volume that a sheet must account for to be kept.
+    pub loss_needed: f64,
+    /// Sheets that were pruned.
+    pub pruned: usize,
+}
+
 /// One label's result.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Structure {
     /// Its value in the file.
     pub label: i64,
+    /// What it is called: by the parameter `names`, else by the file.
+    pub name: Option<String>,
+    /// The colour that the file gives it: red, green, blue.
+    pub color: Option<[u8; 3]>,
     /// Voxels with that value.
     pub voxels: u64,
     /// Their volume.
     pub volume_mm3: f64,
     /// Edge of the isotropic working voxel, mm.
     pub working_voxel_mm: f64,
-    /// The sheets, the largest first; empty when refused.
+    /// The figures, the largest first; empty when refused.
     pub figures: Vec<Figure>,
     /// Where they meet.
     pub junctions: Vec<Junction>,
-    /// Sheets of the skeleton that were pruned.
-    pub pruned: usize,
+    /// How the medial surface was pruned.
+    pub pruning: Pruning,
     /// How good it is.
     pub quality: StructureQuality,
     /// What its reader should know.
@@ -48,14 +65,39 @@ pub struct Structure {
 }
 
 /// A whole result: one structure per label.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Model {
     /// The parameters used.
+    #[serde(skip)]
     pub params: CheckedParams,
     /// Where the input's voxels lie.
+    #[serde(with = "affine")]
     pub world_from_voxel: WorldFromVoxel,
     /// Voxels of the input along each axis.
     pub dims: [usize; 3],
     /// One per label, ascending, or in the order asked for.
     pub structures: Vec<Structure>,
+}
+
+impl Structure {
+    /// Its sheets, in the order of the figures.
+    pub fn sheets(&self) -> impl Iterator<Item = &Sheet> {
+        self.figures.iter().filter_map(Figure::as_sheet)
+    }
+}
+
+/// The map from voxels to the world as its rows, checked again when it is read.
+mod affine {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
+
+    use crate::space::WorldFromVoxel;
+
+    pub fn serialize<S: Serializer>(map: &WorldFromVoxel, serializer: S) -> Result<S::Ok, S::Error> {
+        map.rows().serialize(serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<WorldFromVoxel, D::Error> {
+        let [x, y, z, _] = <[[f64; 4]; 4]>::deserialize(deserializer)?;
+        WorldFromVoxel::from_rows([x, y, z]).map_err(D::Error::custom)
+    }
 }

@@ -3,12 +3,12 @@
 
 use nalgebra::Point3;
 
-use super::shell::quad_area;
-use crate::model::Shell;
-use crate::model::{Figure, Structure};
-use crate::space::WorldVector;
+use super::figure::Sheet;
+use super::shell::{Shell, quad_area};
+use super::side::Side;
+use super::structure::Structure;
 
-/// Area-weighted statistics of a length, mm; not a number without any area.
+/// Area-weighted statistics of a length, mm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LengthSummary {
     /// Mean.
@@ -23,24 +23,30 @@ pub struct LengthSummary {
     pub p95: f64,
 }
 
-/// Thickness over a medial sheet, or over several.
+/// Thickness over a medial sheet, or over several; a length is `None` without any area.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThicknessSummary {
     /// Length of the upper vectors.
-    pub upper_mm: LengthSummary,
+    pub upper_mm: Option<LengthSummary>,
     /// Length of the lower vectors.
-    pub lower_mm: LengthSummary,
+    pub lower_mm: Option<LengthSummary>,
     /// Their sum.
-    pub total_mm: LengthSummary,
+    pub total_mm: Option<LengthSummary>,
     /// Area of the medial sheets, mm².
     pub area_mm2: f64,
 }
 
-impl Figure {
+impl Sheet {
     /// Thickness over the sheet.
     #[must_use]
     pub fn thickness_summary(&self) -> ThicknessSummary {
-        thickness_summary(std::slice::from_ref(self))
+        thickness_summary(std::iter::once(self))
+    }
+
+    /// The area of the medial lattice round each node, mm²: a quarter of each adjacent quad.
+    #[must_use]
+    pub fn node_areas_mm2(&self) -> Vec<f64> {
+        node_areas(self.into())
     }
 }
 
@@ -48,16 +54,15 @@ impl Structure {
     /// Thickness over all sheets.
     #[must_use]
     pub fn thickness_summary(&self) -> ThicknessSummary {
-        thickness_summary(&self.figures)
+        thickness_summary(self.sheets())
     }
 }
 
-fn thickness_summary(figures: &[Figure]) -> ThicknessSummary {
+fn thickness_summary<'a>(sheets: impl Iterator<Item = &'a Sheet>) -> ThicknessSummary {
     let mut weighted: [Vec<(f64, f64)>; 3] = Default::default();
-    for figure in figures {
-        let lengths = |vectors: Vec<WorldVector>| vectors.iter().map(WorldVector::norm).collect::<Vec<_>>();
-        let (upper, lower) = (lengths(figure.upper_vectors()), lengths(figure.lower_vectors()));
-        for (node, weight) in node_areas(figure.into()).into_iter().enumerate() {
+    for sheet in sheets {
+        let [upper, lower] = Side::BOTH.map(|side| sheet.lengths_mm(side));
+        for (node, weight) in sheet.node_areas_mm2().into_iter().enumerate() {
             let both = [upper[node], lower[node], upper[node] + lower[node]];
             if weight > 0.0 && both[2].is_finite() {
                 weighted.iter_mut().zip(both).for_each(|(list, length)| list.push((length, weight)));
@@ -80,19 +85,28 @@ pub fn node_areas(shell: Shell<'_>) -> Vec<f64> {
     areas
 }
 
-/// From pairs of a length and its weight.
-fn length_summary(mut weighted: Vec<(f64, f64)>) -> LengthSummary {
+/// From pairs of a length and its weight; `None` without any.
+fn length_summary(mut weighted: Vec<(f64, f64)>) -> Option<LengthSummary> {
+    if weighted.is_empty() {
+        return None;
+    }
     weighted.sort_by(|a, b| a.0.total_cmp(&b.0));
     let all: f64 = weighted.iter().map(|(_, weight)| weight).sum();
     let mean = weighted.iter().map(|(length, weight)| length * weight).sum::<f64>() / all;
     let variance = weighted.iter().map(|(length, weight)| (length - mean).powi(2) * weight).sum::<f64>() / all;
-    let percentile = |share: f64| {
-        let mut below = 0.0;
-        let reached = weighted.iter().find(|(_, weight)| {
-            below += weight;
-            below >= share * all
-        });
-        reached.or(weighted.last()).map_or(f64::NAN, |(length, _)| *length)
-    };
-    LengthSummary { mean, sd: variance.sqrt(), p5: percentile(0.05), p50: percentile(0.5), p95: percentile(0.95) }
+    let [p5, p50, p95] = [0.05, 0.5, 0.95].map(|share| weighted_percentile(&weighted, share * all));
+    Some(LengthSummary { mean, sd: variance.sqrt(), p5, p50, p95 })
+}
+
+/// The first of the lengths, ascending with their weights, up to which `wanted` of the weight lies.
+fn weighted_percentile(ascending: &[(f64, f64)], wanted: f64) -> f64 {
+    let (mut below, mut reached) = (0.0, 0.0);
+    for &(length, weight) in ascending {
+        reached = length;
+        below += weight;
+        if below >= wanted {
+            break;
+        }
+    }
+    reached
 }

@@ -1,6 +1,7 @@
 //! What a user may ask for, and the checked form the stages read.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::fmt;
 
 /// The lattice asked for.
@@ -122,6 +123,8 @@ pub struct Params {
     pub uncertainty: usize,
     /// How surfaces are laid flat.
     pub embedding: Embedding,
+    /// Names of labels.
+    pub names: BTreeMap<i64, String>,
 }
 
 impl Default for Params {
@@ -140,6 +143,7 @@ impl Default for Params {
             resolution_mm: None,
             uncertainty: 0,
             embedding: Embedding::Isomap,
+            names: BTreeMap::new(),
         }
     }
 }
@@ -181,6 +185,13 @@ pub const REPEAT_COUNT: std::ops::RangeInclusive<usize> = 0..=64;
 /// Parameters every value of which is in range. Only [`Params::check`] makes one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CheckedParams(Params);
+
+impl Default for CheckedParams {
+    /// The defaults, all of which are in range.
+    fn default() -> Self {
+        Self(Params::default())
+    }
+}
 
 impl std::ops::Deref for CheckedParams {
     type Target = Params;

@@ -124,7 +124,7 @@ impl<'a> Context<'a> {
 
     /// Notes something that the reader of the result should know.
     pub fn warn(&self, code: &'static str, message: String) {
-        self.notes().warnings.push(Warning { code, message });
+        self.notes().warnings.push(Warning { code: code.into(), message });
     }
 
     /// What the stages have left.

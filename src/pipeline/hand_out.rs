@@ -10,7 +10,7 @@ use super::quality::measures::FlatQuads;
 use super::sheets::Sheets;
 use super::sheets::sides::SheetSides;
 use super::solid::Solid;
-use crate::model::{Figure, FigureQuality, FlatPoints, Junction, PerSurface, Structure};
+use crate::model::{Figure, FigureQuality, FlatPoints, Junction, PerSurface, Sheet, Structure};
 use crate::space::ParamPoint;
 
 /// Writes the figures of a structure, their junctions and qualities into it.
@@ -26,11 +26,11 @@ pub(super) fn hand_out(
     for (sheet, draft) in sides.iter().zip(drafts) {
         let Some(draft) = draft else { continue };
         let quality = qualities.next().unwrap_or_default();
-        structure.figures.push(figure(solid, sheet, draft, quality));
+        structure.figures.push(Figure::Sheet(figure(solid, sheet, draft, quality)));
     }
     structure.quality = measured.structure;
     structure.junctions = junctions(solid, surface, sheets, drafts);
-    structure.pruned = sheets.pruned;
+    structure.pruning.pruned = sheets.pruned;
 }
 
 fn in_mm(points: &[Point2<f64>], voxel_mm: f64) -> Vec<ParamPoint> {
@@ -38,10 +38,10 @@ fn in_mm(points: &[Point2<f64>], voxel_mm: f64) -> Vec<ParamPoint> {
 }
 
 /// A finished figure in the world.
-fn figure(solid: &Solid, sheet: &SheetSides, draft: &Draft, quality: FigureQuality) -> Figure {
+fn figure(solid: &Solid, sheet: &SheetSides, draft: &Draft, quality: FigureQuality) -> Sheet {
     let Draft { nodes, flat, frame, choices, .. } = draft;
     let mm = solid.voxel_mm;
-    Figure {
+    Sheet {
         grid: nodes.size,
         medial: solid.in_world(&nodes.medial),
         upper: solid.in_world(&nodes.upper),
@@ -49,7 +49,7 @@ fn figure(solid: &Solid, sheet: &SheetSides, draft: &Draft, quality: FigureQuali
         crest: solid.in_world(&nodes.crest),
         valid: nodes.valid.clone(),
         medial_radius_mm: nodes.radii.iter().map(|r| r * mm).collect(),
-        area_distortion: FlatQuads::from(nodes).log_ratio_per_node(),
+        area_distortion: finite(FlatQuads::from(nodes).log_ratio_per_node()),
         intrinsic: nodes.intrinsic.map(|points| in_mm(points, mm)),
         neighbors: flat.map(|flat| flat.embedded.map(|embedded| embedded.neighbors)),
         landmarks: flat.map(|flat| flat.embedded.map_or(0, |embedded| embedded.landmarks)),
@@ -85,4 +85,8 @@ fn junctions(solid: &Solid, surface: &MedialSurface, sheets: &Sheets, drafts: &[
         }
     }
     all
+}
+
+fn finite(values: Vec<f64>) -> Vec<Option<f64>> {
+    values.into_iter().map(|value| value.is_finite().then_some(value)).collect()
 }

@@ -11,8 +11,8 @@ use super::observer::Muted;
 use super::solid::cut_out::Label;
 use super::stages::stages;
 use crate::cancel::Cancelled;
-use crate::model::{Figure, LatticeSize, Structure, Uncertainty};
-use crate::space::{LabelVolume, WorldPoint, WorldVector};
+use crate::model::{Figure, LatticeSize, Sheet, Side, Structure, Uncertainty};
+use crate::space::{LabelVolume, WorldPoint};
 
 /// Distance between the nodes of a figure and of its counterpart in a repeat, working voxels, root
 /// mean square, up to which they are the same figure. The frame of a round sheet may turn.
@@ -30,19 +30,21 @@ pub(super) fn add_uncertainty(
     (blank, structure): (&Structure, &mut Structure),
 ) -> Result<(), Cancelled> {
     let repeats = context.params.uncertainty;
-    let sizes: Vec<LatticeSize> = structure.figures.iter().map(|f| f.grid).collect();
+    let sizes: Vec<LatticeSize> = structure.figures.iter().map(Figure::grid).collect();
     let all = repeated(volume, label, context, (blank, &sizes))?;
-    let alike: Vec<&Vec<Figure>> = all.iter().filter(|found| found.len() == sizes.len()).collect();
     let within_mm = SAME_WITHIN * structure.working_voxel_mm;
     for (number, figure) in structure.figures.iter_mut().enumerate() {
-        let found: Vec<[Vec<f64>; 2]> =
-            alike.iter().filter_map(|others| counterpart(figure, others, within_mm)).collect();
+        let Figure::Sheet(sheet) = figure;
+        let mut found = Vec::new();
+        for others in all.iter().filter(|others| others.len() == sizes.len()) {
+            found.extend(counterpart(sheet, others, within_mm));
+        }
         if 2 * found.len() < repeats {
             let matched = found.len();
             let message = format!("figure {number} was found again in {matched} of {repeats} repeats only");
             context.warn("uncertainty_unmatched", message);
         }
-        figure.uncertainty = Some(uncertainty(repeats, &found, figure.medial.len()));
+        sheet.uncertainty = Some(uncertainty(repeats, &found, sheet.medial.len()));
     }
     Ok(())
 }
@@ -69,38 +71,70 @@ fn repeated(
     (1..=repeats).into_par_iter().map(repeat).collect()
 }
 
-/// The spread of the lengths that the figure's counterparts have.
-fn uncertainty(repeats: usize, found: &[[Vec<f64>; 2]], nodes: usize) -> Uncertainty {
+/// The spread of the lengths that the sheet's counterparts have.
+fn uncertainty(repeats: usize, found: &[Lengths], nodes: usize) -> Uncertainty {
     let mut result = Uncertainty { repeats, matched: found.len(), ..Uncertainty::default() };
     for n in 0..nodes {
-        result.upper_mm.push(deviation(found.iter().map(|sides| sides[0][n])));
-        result.lower_mm.push(deviation(found.iter().map(|sides| sides[1][n])));
-        result.total_mm.push(deviation(found.iter().map(|sides| sides[0][n] + sides[1][n])));
+        let (mut upper, mut lower, mut total) = (Vec::new(), Vec::new(), Vec::new());
+        for lengths in found {
+            upper.push(lengths.upper[n]);
+            lower.push(lengths.lower[n]);
+            total.push(lengths.upper[n] + lengths.lower[n]);
+        }
+        result.upper_mm.push(deviation(&upper));
+        result.lower_mm.push(deviation(&lower));
+        result.total_mm.push(deviation(&total));
     }
     result
 }
 
-/// Lengths of the upper and the lower vectors of the figure's counterpart in a repeat, in the
-/// figure's own order of nodes.
-fn counterpart(figure: &Figure, others: &[Figure], within_mm: f64) -> Option<[Vec<f64>; 2]> {
-    let same_size = others.iter().filter(|other| other.grid == figure.grid);
-    let ways = same_size.flat_map(|other| (0..4).map(move |flips| (other, order(other.grid, flips))));
-    let measured = ways.map(|(other, order)| (distance(&figure.medial, &other.medial, &order), other, order));
-    let (distance_mm, other, order) = measured.min_by(|a, b| a.0.total_cmp(&b.0))?;
+/// Lengths of the vectors to both sides, one per node, mm.
+struct Lengths {
+    upper: Vec<f64>,
+    lower: Vec<f64>,
+}
+
+/// The lengths that the sheet's counterpart in a repeat has, in the sheet's own order of nodes.
+fn counterpart(sheet: &Sheet, others: &[Figure], within_mm: f64) -> Option<Lengths> {
+    let mut nearest: Option<(f64, &Sheet, Vec<usize>)> = None;
+    for other in others.iter().filter_map(Figure::as_sheet) {
+        if other.grid != sheet.grid {
+            continue;
+        }
+        for flips in 0..4 {
+            let order = order(other.grid, flips);
+            let distance_mm = distance(&sheet.medial, &other.medial, &order);
+            if nearest.as_ref().is_none_or(|nearest| distance_mm.total_cmp(&nearest.0).is_lt()) {
+                nearest = Some((distance_mm, other, order));
+            }
+        }
+    }
+    let (distance_mm, other, order) = nearest?;
     if distance_mm > within_mm {
         return None;
     }
-    let lengths = |vectors: Vec<WorldVector>| order.iter().map(|&n| vectors[n].norm()).collect::<Vec<f64>>();
-    let sides = [lengths(other.upper_vectors()), lengths(other.lower_vectors())];
-    let is_turned = distance(&figure.upper, &other.lower, &order) < distance(&figure.upper, &other.upper, &order);
-    let [upper, lower] = sides;
-    Some(if is_turned { [lower, upper] } else { [upper, lower] })
+    let is_turned = distance(&sheet.upper, &other.lower, &order) < distance(&sheet.upper, &other.upper, &order);
+    let [upper, lower] = if is_turned { [Side::Lower, Side::Upper] } else { [Side::Upper, Side::Lower] };
+    Some(Lengths { upper: lengths(other, upper, &order), lower: lengths(other, lower, &order) })
+}
+
+/// Lengths of the vectors to a side, in an order of nodes.
+fn lengths(sheet: &Sheet, side: Side, order: &[usize]) -> Vec<f64> {
+    let lengths = sheet.lengths_mm(side);
+    order.iter().map(|&n| lengths[n]).collect()
 }
 
 /// Nodes row by row, with rows (bit 0) or columns (bit 1) in reverse.
 fn order(LatticeSize { rows, cols }: LatticeSize, flips: usize) -> Vec<usize> {
-    let turned = |k: usize, count: usize, bit: usize| if flips >> bit & 1 == 1 { count - 1 - k } else { k };
-    (0..rows * cols).map(|n| turned(n / cols, rows, 0) * cols + turned(n % cols, cols, 1)).collect()
+    let mut order = Vec::new();
+    for i in 0..rows {
+        for j in 0..cols {
+            let row = if flips & 1 == 1 { rows - 1 - i } else { i };
+            let col = if flips & 2 == 2 { cols - 1 - j } else { j };
+            order.push(row * cols + col);
+        }
+    }
+    order
 }
 
 /// Root mean square distance between points and others taken in an order.
@@ -109,10 +143,13 @@ fn distance(points: &[WorldPoint], others: &[WorldPoint], order: &[usize]) -> f6
     (sum / points.len().max(1) as f64).sqrt()
 }
 
-/// Sample standard deviation; NaN for fewer than two values.
-fn deviation(values: impl Iterator<Item = f64> + Clone) -> f64 {
-    let count = values.clone().count() as f64;
-    let mean = values.clone().sum::<f64>() / count;
-    let square = values.map(|v| (v - mean).powi(2)).sum::<f64>();
-    if count < 2.0 { f64::NAN } else { (square / (count - 1.0)).sqrt() }
+/// Sample standard deviation; `None` for fewer than two values.
+fn deviation(values: &[f64]) -> Option<f64> {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let mut square = 0.0;
+    for value in values {
+        square += (value - mean).powi(2);
+    }
+    (values.len() > 1).then(|| (square / (count - 1.0)).sqrt())
 }

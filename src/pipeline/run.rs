@@ -7,11 +7,12 @@ use super::PipelineError;
 use super::context::{Context, Notes};
 use super::observer::Observer;
 use super::repeats::add_uncertainty;
+use super::sheets::{loss_needed, strength};
 use super::solid::cut_out::{Label, label_boxes};
 use super::stages::stages;
 use crate::cancel::Cancelled;
 use crate::model::StageTimings;
-use crate::model::{Model, Refusal, Structure, StructureQuality, TriangleMesh, Verdict};
+use crate::model::{Model, Pruning, Refusal, Structure, StructureQuality, TriangleMesh, Verdict};
 use crate::params::CheckedParams;
 use crate::space::LabelVolume;
 
@@ -56,7 +57,7 @@ pub fn run(volume: &LabelVolume, params: &CheckedParams, observer: &dyn Observer
 
 /// All of one label. A shape without a medial representation is a structure with a refusal.
 fn structure(volume: &LabelVolume, label: Label, context: Context<'_>) -> Result<Structure, Cancelled> {
-    let blank = blank(volume, label);
+    let blank = blank(volume, label, context.params);
     let mut structure = blank.clone();
     let repeats = context.params.uncertainty;
     if repeats > 0 {
@@ -76,17 +77,19 @@ fn structure(volume: &LabelVolume, label: Label, context: Context<'_>) -> Result
 }
 
 /// A structure of which nothing is known yet but its label.
-fn blank(volume: &LabelVolume, label: Label) -> Structure {
+fn blank(volume: &LabelVolume, label: Label, params: &CheckedParams) -> Structure {
     let index = usize::from(label.index);
     let voxels = volume.label_voxels[index];
     Structure {
         label: volume.label_values[index],
+        name: params.names.get(&volume.label_values[index]).cloned(),
+        color: None,
         voxels,
         volume_mm3: voxels as f64 * volume.world_from_voxel.voxel_volume_mm3(),
         working_voxel_mm: 0.0,
         figures: Vec::new(),
         junctions: Vec::new(),
-        pruned: 0,
+        pruning: Pruning { strength: strength(params.prune), loss_needed: loss_needed(params.prune), pruned: 0 },
         quality: StructureQuality::default(),
         warnings: Vec::new(),
         refusal: None,

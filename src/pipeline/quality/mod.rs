@@ -13,7 +13,8 @@ use crate::cancel::{Cancel, Cancelled};
 use crate::model::Shell;
 use crate::model::closed;
 use crate::model::{
-    Distortion, EmbeddingQuality, FigureQuality, MeanAndP95, PerSurface, Repair, StructureQuality, TriangleMesh,
+    Distortion, EmbeddingQuality, FigureQuality, LatticePlace, MeanAndP95, PerSurface, Repair, Side, StructureQuality,
+    TriangleMesh,
 };
 use crate::pipeline::context::Context;
 use crate::pipeline::draft::Draft;
@@ -83,7 +84,13 @@ pub fn figure_quality(draft: &Draft, cancel: &dyn Cancel) -> Result<FigureQualit
     let legality = legality(shell);
     let named = |is_wedge: bool| {
         let parts = legality.parts.iter().filter(|p| p.part.is_wedge() == is_wedge);
-        parts.map(|&Illegal { part, i, j, .. }| (part.is_upper(), i, j)).collect()
+        parts
+            .map(|&Illegal { part, i, j, .. }| LatticePlace {
+                side: if part.is_upper() { Side::Upper } else { Side::Lower },
+                i,
+                j,
+            })
+            .collect()
     };
     cancel.check()?;
     let crossings = |mesh: TriangleMesh| self_intersections(&mesh.positions, &mesh.triangles, cancel);

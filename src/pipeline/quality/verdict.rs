@@ -1,6 +1,8 @@
 //! Stage 8, last part: from the measures to `pass`, `warn` or `fail`. The rule is the table of
 //! thresholds and nothing else, so that a reader can follow it.
 
+use std::borrow::Cow;
+
 use crate::model::{FigureQuality, Reason, StructureQuality, Threshold, Verdict};
 use crate::pipeline::plane::embedding::MAX_TURNED_OVER;
 use crate::pipeline::quality::worst;
@@ -55,7 +57,7 @@ pub fn verdict(threshold: &Threshold) -> Verdict {
 
 fn table(quality: &StructureQuality, figures: &[FigureQuality], voxel_mm: f64) -> Vec<Wording> {
     let measure = |code, what, value, (warn, fail): (Option<f64>, Option<f64>), is_bad_below| Wording {
-        threshold: Threshold { code, value, is_bad_below, warn, fail },
+        threshold: Threshold { code: Cow::Borrowed(code), value, is_bad_below, warn, fail },
         what,
     };
     let never = |code, what, count: usize| measure(code, what, count as f64, (None, Some(0.0)), false);
@@ -100,7 +102,7 @@ fn table(quality: &StructureQuality, figures: &[FigureQuality], voxel_mm: f64) -
 }
 
 fn reason(wording: &Wording) -> Option<Reason> {
-    let Threshold { code, value, warn, fail, .. } = wording.threshold;
+    let Threshold { ref code, value, warn, fail, .. } = wording.threshold;
     let threshold = match verdict(&wording.threshold) {
         Verdict::Pass => return None,
         Verdict::Warn => warn?,
@@ -112,5 +114,5 @@ fn reason(wording: &Wording) -> Option<Reason> {
     } else {
         format!("{} is {value:.3}, the threshold is {threshold:.3}", wording.what)
     };
-    Some(Reason { code, message, value, threshold })
+    Some(Reason { code: code.clone(), message, value, threshold })
 }

@@ -37,3 +37,8 @@ fn viridis_srgb(share: f64) -> [f64; 3] {
 fn linear(srgb: f64) -> f64 {
     if srgb <= 0.040_45 { srgb / 12.92 } else { ((srgb + 0.055) / 1.055).powf(2.4) }
 }
+
+/// `#rrggbb`.
+pub(super) fn hex_color([red, green, blue]: [u8; 3]) -> String {
+    format!("#{red:02x}{green:02x}{blue:02x}")
+}

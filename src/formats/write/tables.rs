@@ -5,7 +5,7 @@ use std::fmt;
 use std::io::{self, Write};
 
 use super::rounded::round;
-use crate::model::{Figure, Model};
+use crate::model::{Figure, Model, Sheet, Side};
 
 /// One row per node and side: where it is, its vector, its thickness; and the standard deviation of
 /// the thickness when it was asked for.
@@ -18,22 +18,25 @@ pub fn write_thickness(model: &Model, mut out: impl Write) -> io::Result<()> {
     writeln!(out, "structure,label,figure,i,j,side,x_mm,y_mm,z_mm,dx_mm,dy_mm,dz_mm,thickness_mm,valid{spread}")?;
     for (s, structure) in model.structures.iter().enumerate() {
         for (f, figure) in structure.figures.iter().enumerate() {
-            write_nodes(&mut out, &format!("{s},{},{f}", structure.label), figure, has_spread)?;
+            let prefix = format!("{s},{},{f}", structure.label);
+            match figure {
+                Figure::Sheet(sheet) => write_nodes(&mut out, &prefix, sheet, has_spread)?,
+            }
         }
     }
     Ok(())
 }
 
-fn write_nodes(out: &mut impl Write, prefix: &str, figure: &Figure, has_spread: bool) -> io::Result<()> {
-    for (side, vectors) in [("upper", figure.upper_vectors()), ("lower", figure.lower_vectors())] {
-        for (node, ((at, vector), valid)) in figure.medial.iter().zip(&vectors).zip(&figure.valid).enumerate() {
-            let (i, j) = (node / figure.grid.cols, node % figure.grid.cols);
+fn write_nodes(out: &mut impl Write, prefix: &str, sheet: &Sheet, has_spread: bool) -> io::Result<()> {
+    for side in Side::BOTH {
+        let vectors = sheet.vectors(side);
+        for (node, at) in sheet.medial.iter().enumerate() {
+            let (i, j) = (node / sheet.grid.cols, node % sheet.grid.cols);
+            let (vector, valid, name) = (vectors[node], sheet.valid[node], side.name());
             let cells = Cells([at.x, at.y, at.z, vector.x, vector.y, vector.z, vector.norm()]);
-            write!(out, "{prefix},{i},{j},{side},{cells},{valid}")?;
+            write!(out, "{prefix},{i},{j},{name},{cells},{valid}")?;
             if has_spread {
-                let spread =
-                    figure.uncertainty.as_ref().map(|u| if side == "upper" { &u.upper_mm } else { &u.lower_mm });
-                write!(out, ",{}", Cells([spread.map_or(f64::NAN, |sd| sd[node])]))?;
+                write!(out, ",{}", Cells([deviation_mm(sheet, side, node).unwrap_or(f64::NAN)]))?;
             }
             writeln!(out)?;
         }
@@ -41,7 +44,16 @@ fn write_nodes(out: &mut impl Write, prefix: &str, figure: &Figure, has_spread: 
     Ok(())
 }
 
-/// One row per voxel point of every surface, with where ISOMAP put it.
+/// Standard deviation of the thickness at a node.
+fn deviation_mm(sheet: &Sheet, side: Side, node: usize) -> Option<f64> {
+    let found = sheet.uncertainty.as_ref()?;
+    match side {
+        Side::Upper => found.upper_mm[node],
+        Side::Lower => found.lower_mm[node],
+    }
+}
+
+/// One row per voxel point of every surface, with where it was laid flat.
 ///
 /// # Errors
 /// When writing fails.
@@ -49,12 +61,19 @@ pub fn write_points(model: &Model, mut out: impl Write) -> io::Result<()> {
     writeln!(out, "structure,figure,surface,x_mm,y_mm,z_mm,u_mm,v_mm")?;
     for (s, structure) in model.structures.iter().enumerate() {
         for (f, figure) in structure.figures.iter().enumerate() {
-            for (surface, points) in figure.points.named() {
-                for (at, flat) in points.positions.iter().zip(&points.flat) {
-                    let cells = Cells([at.x, at.y, at.z, flat.x, flat.y]);
-                    writeln!(out, "{s},{f},{surface},{cells}")?;
-                }
+            match figure {
+                Figure::Sheet(sheet) => write_surfaces(&mut out, &format!("{s},{f}"), sheet)?,
             }
+        }
+    }
+    Ok(())
+}
+
+fn write_surfaces(out: &mut impl Write, prefix: &str, sheet: &Sheet) -> io::Result<()> {
+    for (surface, points) in sheet.points.named() {
+        for (at, flat) in points.positions.iter().zip(&points.flat) {
+            let cells = Cells([at.x, at.y, at.z, flat.x, flat.y]);
+            writeln!(out, "{prefix},{surface},{cells}")?;
         }
     }
     Ok(())

@@ -1,0 +1,103 @@
+//! A result as it is kept: everything that any artifact is made from, exactly. An artifact that was not asked for
+//! when the job ran is made from it later, and has the bytes that it would have had.
+//!
+//! MessagePack with names, so that a later version of the program reads it when fields were added.
+
+use std::io::{self, Read, Write};
+
+use serde::{Deserialize, Serialize};
+
+use super::thickness::{InputFacts, OuterTimings};
+use crate::formats::params_json::{self, ParamsJsonError, params_to_json};
+use crate::model::{Model, Warning};
+
+/// Version of what is written; another one is not read.
+const VERSION: u32 = 1;
+
+/// A model with what the artifacts say of its file and its run.
+#[derive(Clone, Debug)]
+pub struct Record {
+    /// The result.
+    pub model: Model,
+    /// The file that it was made from.
+    pub input: InputFacts,
+    /// The reader's warnings.
+    pub warnings: Vec<Warning>,
+    /// How long it took.
+    pub timings: OuterTimings,
+}
+
+/// Why bytes are no record.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordError {
+    /// They cannot be read, or are damaged.
+    #[error("the stored record is damaged: {0}")]
+    Damaged(#[from] rmp_serde::decode::Error),
+    /// A version of the program wrote them whose records are not read any more.
+    #[error("the stored record has version {found}, this program reads {VERSION}")]
+    Version {
+        /// Its version.
+        found: u32,
+    },
+    /// Its parameters are none.
+    #[error("the stored record is damaged: {0}")]
+    Params(#[from] ParamsJsonError),
+}
+
+#[derive(Serialize)]
+struct Written<'a> {
+    params: String,
+    input: &'a InputFacts,
+    warnings: &'a [Warning],
+    timings: OuterTimings,
+    model: &'a Model,
+}
+
+#[derive(Deserialize)]
+struct Kept {
+    params: String,
+    input: InputFacts,
+    warnings: Vec<Warning>,
+    timings: OuterTimings,
+    model: Model,
+}
+
+impl Record {
+    /// Writes it.
+    ///
+    /// # Errors
+    /// When writing fails.
+    pub fn write(&self, mut out: impl Write) -> io::Result<()> {
+        let written = Written {
+            params: params_to_json(&self.model.params).to_string(),
+            input: &self.input,
+            warnings: &self.warnings,
+            timings: self.timings,
+            model: &self.model,
+        };
+        out.write_all(&VERSION.to_be_bytes())?;
+        rmp_serde::encode::write_named(&mut out, &written).map_err(io::Error::other)
+    }
+
+    /// Reads one.
+    ///
+    /// # Errors
+    /// When it is damaged or of another version.
+    pub fn read(mut source: impl Read) -> Result<Self, RecordError> {
+        let damaged = rmp_serde::decode::Error::InvalidDataRead;
+        let mut version = [0; 4];
+        source.read_exact(&mut version).map_err(damaged)?;
+        let found = u32::from_be_bytes(version);
+        if found != VERSION {
+            return Err(RecordError::Version { found });
+        }
+        let kept: Kept = rmp_serde::from_read(source)?;
+        let params = params_json::parse(kept.params.as_bytes())?;
+        Ok(Self {
+            model: Model { params, ..kept.model },
+            input: kept.input,
+            warnings: kept.warnings,
+            timings: kept.timings,
+        })
+    }
+}
