@@ -13,7 +13,8 @@ use super::bar::Bar;
 use super::table::{WIDTH, json_lines, table};
 use super::{cause, complain, exit};
 use crate::formats::params_json;
-use crate::jobs::process::{self, InputLimits, ProcessError, StructureSummary};
+use crate::jobs::outcome::StructureSummary;
+use crate::jobs::process::{self, InputLimits, Kept, ProcessError};
 use crate::model::SHAPE_CODES;
 use crate::params::CheckedParams;
 use crate::problem::Problem;
@@ -76,7 +77,8 @@ fn try_run(arguments: &RunArgs) -> Result<Vec<StructureSummary>, Box<Problem>> {
         })?;
     }
     let bar = if arguments.quiet || !io::stderr().is_terminal() { Bar::hidden() } else { Bar::on_stderr() };
-    let work = || process::process(&arguments.mask, &params, InputLimits::default(), &arguments.out, &bar);
+    let out = (arguments.out.as_path(), Kept::Artifacts);
+    let work = || process::process(&arguments.mask, &params, InputLimits::default(), out, &bar);
     let outcome = catch_unwind(AssertUnwindSafe(work));
     bar.clear();
     match outcome {
@@ -243,7 +245,7 @@ mod tests {
             (Problem::from(&Refusal::EmptyMask), 3),
             (Problem::from(&label), 3),
             (Problem::from(&Refusal::TooSmall { points: 1, needed: 9 }), 4),
-            (Problem::from(&Refusal::TooManyPoints { method: "exact ISOMAP", points: 20_000, limit: 10_000 }), 4),
+            (Problem::from(&Refusal::TooManyPoints { method: "exact ISOMAP".into(), points: 20_000, limit: 10_000 }), 4),
             (*check_mask(Path::new("/")).unwrap_err(), 2),
             (*check_folder(Path::new("/proc")).unwrap_err(), 2),
             (*check_folder(Path::new("/dev/null")).unwrap_err(), 2),

@@ -19,7 +19,7 @@ use super::exit;
 use crate::config::{ConnectionLimits, ServeConfig, default_workers};
 use crate::http::server;
 use crate::jobs::limits::{JobLimits, Retention};
-use crate::jobs::process::{InputLimits, process};
+use crate::jobs::process::{InputLimits, Kept, process};
 use crate::jobs::store::QueueLimits;
 use crate::jobs::upload::UploadLimits;
 use crate::jobs::worker::Processor;
@@ -305,7 +305,9 @@ async fn listen(config: &ServeConfig) -> anyhow::Result<()> {
         TcpListener::bind(config.listen).await.with_context(|| format!("cannot listen on {}", config.listen))?;
     let address = listener.local_addr()?;
     tracing::info!(%address, workers = config.workers, "listening");
-    let processor: Processor = Arc::new(process);
+    let processor: Processor = Arc::new(|mask, params, limits, out, observer| {
+        process(mask, params, limits, (out, Kept::Record), observer)
+    });
     server::run(listener, config, &processor, stop)
         .await
         .with_context(|| format!("data directory {}", config.data_dir.display()))

@@ -3,7 +3,7 @@
 use clap::builder::styling::{AnsiColor, Style};
 use serde::Serialize;
 
-use crate::jobs::process::StructureSummary;
+use crate::jobs::outcome::StructureSummary;
 use crate::model::Verdict;
 
 /// Columns of a table that goes to a file, and at most on a terminal: longer lines are hard to read.
@@ -63,7 +63,7 @@ fn row(structure: &StructureSummary) -> Row {
         Err(refusal) => ["-".to_owned(), "refused".to_owned(), "-".to_owned(), refusal.to_string()],
         Ok(found) => [
             found.figures.to_string(),
-            verdict_name(found.verdict).to_owned(),
+            found.verdict.name().to_owned(),
             found.mean_thickness_mm.map_or("-".to_owned(), |mean_mm| format!("{mean_mm:.2} mm")),
             found.reasons.first().map_or(String::new(), |reason| reason.message.clone()),
         ],
@@ -78,14 +78,6 @@ fn row(structure: &StructureSummary) -> Row {
 
 fn has_names(structures: &[StructureSummary]) -> bool {
     structures.iter().any(|structure| structure.name.is_some())
-}
-
-fn verdict_name(verdict: Verdict) -> &'static str {
-    match verdict {
-        Verdict::Pass => "pass",
-        Verdict::Warn => "warn",
-        Verdict::Fail => "fail",
-    }
 }
 
 /// A name without what would move the cursor: it comes from a file.
@@ -168,14 +160,14 @@ fn line(index: usize, structure: &StructureSummary) -> StructureLine<'_> {
     match &structure.found {
         Err(refusal) => {
             let told = Told { code: refusal.code(), message: refusal.to_string(), hint: Some(refusal.hint()) };
-            let (verdict, refusal) = (verdict_name(Verdict::Fail), Some(told));
+            let (verdict, refusal) = (Verdict::Fail.name(), Some(told));
             StructureLine { index, label, name, figures: 0, verdict, mean_thickness_mm: None, reason: None, refusal }
         }
         Ok(found) => {
             let first = found.reasons.first();
-            let reason = first.map(|reason| Told { code: reason.code, message: reason.message.clone(), hint: None });
+            let reason = first.map(|reason| Told { code: &reason.code, message: reason.message.clone(), hint: None });
             let mean_thickness_mm = found.mean_thickness_mm.map(micrometres_kept);
-            let (figures, verdict) = (found.figures, verdict_name(found.verdict));
+            let (figures, verdict) = (found.figures, found.verdict.name());
             StructureLine { index, label, name, figures, verdict, mean_thickness_mm, reason, refusal: None }
         }
     }
@@ -189,7 +181,7 @@ fn micrometres_kept(length_mm: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::jobs::process::Measured;
+    use crate::jobs::outcome::Measured;
     use crate::model::Reason;
     use crate::model::Refusal;
 

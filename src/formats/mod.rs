@@ -21,6 +21,8 @@ pub mod params_json;
 
 pub mod write;
 
+pub mod artifacts;
+
 pub use nifti::{InputLimits, ReadVolume, read, read_file};
 pub use read_error::ReadError;
 #[cfg(feature = "service")]

@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use super::jobs::MAX_WAIT_S;
 use super::params_schema::ParamsSchema;
-use crate::jobs::process::ARTIFACTS;
+use crate::formats::artifacts::ARTIFACTS;
 use crate::jobs::service::Jobs;
 use crate::params::LABEL_COUNT;
 
@@ -49,7 +49,7 @@ pub struct Limits {
     /// How long after a job's end what is kept.
     retention: RetentionView,
     /// Names of the results.
-    results: [&'static str; 4],
+    results: Vec<&'static str>,
     /// Whether webhooks are sent.
     webhooks: bool,
     /// The parameters as JSON Schema (that of Params), to make a form from: bounds, defaults, descriptions.
@@ -97,7 +97,7 @@ pub async fn limits(State(jobs): State<Arc<Jobs>>) -> Json<Limits> {
             masks_seconds: seconds(keep.masks),
             results_seconds: seconds(keep.results),
         },
-        results: ARTIFACTS.map(|(name, _)| name),
+        results: ARTIFACTS.iter().map(|artifact| artifact.name).collect(),
         webhooks: jobs.webhooks().is_some(),
         params: ParamsSchema::json(),
     })

@@ -18,12 +18,13 @@ use super::extract::{IdParam, JobPath, ResultPath, has_it, header, media_range};
 use super::params_schema::BytesSchema;
 use crate::audit::Action;
 use crate::jobs::error::JobsError;
-use crate::jobs::process::ARTIFACTS;
-use crate::jobs::service::{Jobs, Published};
+use crate::formats::artifacts::by_name;
+use crate::jobs::results::Published;
+use crate::jobs::service::Jobs;
 use crate::jobs::store::blobs::Content;
 use crate::problem::Problem;
 
-/// A file that the job left.
+/// A file that the job left. An artifact that was not made with the job is made now, and kept.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}/results/{name}", tag = "jobs",
     params(
@@ -107,7 +108,7 @@ fn preferred(accept: &str) -> Option<&'static str> {
     };
     let mut best = None;
     for name in ["thickness.json", "model.glb", "thickness.csv"] {
-        let media_type = ARTIFACTS.iter().find(|(artifact, _)| *artifact == name)?.1;
+        let media_type = by_name(name)?.media_type;
         let weight = weight(media_type);
         if weight > best.map_or(0.0, |(_, most)| most) {
             best = Some((name, weight));

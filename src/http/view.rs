@@ -189,11 +189,12 @@ impl JobView {
 impl From<JobStatus> for JobView {
     fn from(status: JobStatus) -> Self {
         let JobStatus { job, progress, queue_position } = status;
-        let Job { id, state, attempt, cancel_requested, mask, params_json, .. } = job;
+        let Job { id, state, attempt, cancel_requested, .. } = job;
         let itself = format!("/v1/jobs/{id}");
         let cancel = state.after(Cause::Cancel).map(|_| format!("{itself}/cancel"));
         let is_retryable = state.after(Cause::Retry).is_some() && job.is_mask_kept;
         let retry = is_retryable.then(|| format!("{itself}/retry"));
+        let results = job.artifacts().cloned().map(|file| result_view(&itself, file)).collect();
         Self {
             id: id.to_string(),
             state,
@@ -206,9 +207,9 @@ impl From<JobStatus> for JobView {
             ended_at: job.ended_at.map(|time| time.to_string()),
             error: job.error,
             warnings: job.warnings,
-            results: job.results.into_iter().map(|file| result_view(&itself, file)).collect(),
-            params: RawValue::from_string(params_json).unwrap_or_default(),
-            mask,
+            results,
+            params: RawValue::from_string(job.params_json).unwrap_or_default(),
+            mask: job.mask,
             mask_erased: !job.is_mask_kept,
             results_erased: !job.are_results_kept,
             reused: job.reused,

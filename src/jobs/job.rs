@@ -7,6 +7,7 @@ use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
+use super::drafts::{RECORD, WrittenFile};
 use crate::formats::params_json::{self, ParamsJsonError};
 use crate::params::CheckedParams;
 use crate::problem::Problem;
@@ -103,6 +104,17 @@ pub struct ResultFile {
     pub bytes: u64,
     /// SHA-256 of the content, lower-case hex.
     pub sha256: String,
+}
+
+impl From<&WrittenFile> for ResultFile {
+    fn from(file: &WrittenFile) -> Self {
+        Self {
+            name: file.name.to_owned(),
+            media_type: file.media_type.to_owned(),
+            bytes: file.bytes,
+            sha256: file.sha256.clone(),
+        }
+    }
 }
 
 /// Something about a result that its reader should know.
@@ -273,5 +285,22 @@ impl Job {
     pub fn kept_results(&self) -> Option<(&str, &[ResultFile])> {
         let token = self.results_token.as_deref().filter(|_| self.are_results_kept)?;
         Some((token, &self.results))
+    }
+
+    /// A file that it left, by its name.
+    #[must_use]
+    pub fn result(&self, name: &str) -> Option<&ResultFile> {
+        self.results.iter().find(|file| file.name == name)
+    }
+
+    /// Whether it left a file of this name.
+    #[must_use]
+    pub fn has_result(&self, name: &str) -> bool {
+        self.result(name).is_some()
+    }
+
+    /// The artifacts that it left: all files but its record.
+    pub fn artifacts(&self) -> impl Iterator<Item = &ResultFile> {
+        self.results.iter().filter(|file| file.name != RECORD.0)
     }
 }

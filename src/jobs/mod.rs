@@ -22,6 +22,10 @@ use std::io;
 use std::os::unix::fs::DirBuilderExt;
 use std::path::Path;
 
+mod drafts;
+
+pub mod outcome;
+
 pub mod process;
 
 pub mod job;
@@ -51,6 +55,8 @@ pub mod changes;
 mod running;
 
 pub mod service;
+
+pub mod results;
 
 mod upkeep;
 

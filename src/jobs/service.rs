@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use jiff::Timestamp;
-use tokio::sync::Notify;
+use tokio::sync::{Mutex, Notify};
 use tokio::time::{Instant, timeout, timeout_at};
 use tokio_util::sync::CancellationToken;
 
@@ -14,7 +14,7 @@ use super::blocking::on_own_thread;
 use super::caller::{Caller, OpenRequest, OpenRequests};
 use super::changes::{Changes, RECHECK};
 use super::error::JobsError;
-use super::job::{Job, JobId, JobState, ResultFile};
+use super::job::{Job, JobId, JobState};
 use super::limits::JobLimits;
 use super::place::{OpenError, Place};
 use super::running::{Running, RunningJobs};
@@ -40,25 +40,6 @@ pub struct JobStatus {
     pub queue_position: Option<u64>,
 }
 
-/// A published result.
-#[derive(Clone, Debug)]
-pub struct Published {
-    /// Its job.
-    pub id: JobId,
-    /// The attempt that made it.
-    pub token: String,
-    /// Its description.
-    pub file: ResultFile,
-}
-
-impl Published {
-    /// The name as a code of ours: it is one of the contract's.
-    #[must_use]
-    pub fn code(&self) -> &str {
-        &self.file.name
-    }
-}
-
 /// All jobs of one data directory, as this process sees them.
 pub struct Jobs {
     store: Arc<dyn Store>,
@@ -75,6 +56,8 @@ pub struct Jobs {
     audit: Arc<Audit>,
     metrics: Metrics,
     webhooks: Option<Sender>,
+    /// Held while a result is made on request.
+    making: Mutex<()>,
 }
 
 impl Jobs {
@@ -101,6 +84,7 @@ impl Jobs {
             audit: Arc::new(audit),
             metrics: Metrics::new(),
             webhooks,
+            making: Mutex::default(),
         };
         jobs.take_over().await?;
         jobs.record(&Caller::default(), Action::Started, None, "ok").await;
@@ -218,21 +202,6 @@ impl Jobs {
         Ok(list)
     }
 
-    /// A published result.
-    ///
-    /// # Errors
-    /// When there is no such job, it has no such result, or it was erased.
-    pub async fn result(&self, caller: &Caller, id: JobId, name: &str) -> Result<Published, JobsError> {
-        let job = self.own(caller, id).await?;
-        let missing = JobsError::NoSuchResult { state: job.state };
-        let file = job.results.into_iter().find(|file| file.name == name);
-        let (Some(file), Some(token)) = (file, job.results_token) else { return Err(missing) };
-        if !job.are_results_kept {
-            return Err(JobsError::ResultsErased);
-        }
-        Ok(Published { id, token, file })
-    }
-
     /// Asks for the end of a job; one that runs stops at its next slice of work. A run that is
     /// just done may still succeed.
     ///
@@ -335,7 +304,7 @@ impl Jobs {
     }
 
     /// A job of the caller's; another tenant's is as good as none.
-    async fn own(&self, caller: &Caller, id: JobId) -> Result<Job, JobsError> {
+    pub(super) async fn own(&self, caller: &Caller, id: JobId) -> Result<Job, JobsError> {
         let job = self.store.get(id).await?;
         job.filter(|job| job.owner == caller.tenant).ok_or(JobsError::NotFound)
     }
@@ -384,6 +353,10 @@ impl Jobs {
     /// What runs in this process.
     pub(super) fn running(&self) -> &RunningJobs {
         &self.running
+    }
+
+    pub(super) fn making(&self) -> &Mutex<()> {
+        &self.making
     }
 
     pub(super) fn workers_alive(&self) -> &AtomicUsize {

@@ -18,7 +18,9 @@ use super::blocking::on_own_thread;
 use super::caller::Caller;
 use super::error::JobsError;
 use super::job::{Job, JobWarning, RequestedParams, ResultFile};
-use super::process::{Artifact, InputLimits, ProcessError, Processed, sha256_of_file};
+use super::drafts::sha256_of_file;
+use super::outcome::Processed;
+use super::process::{InputLimits, ProcessError};
 use super::running::Running;
 use super::service::Jobs;
 use super::store::blobs::LocalMask;
@@ -303,15 +305,9 @@ fn storage_failed(error: &io::Error) -> Outcome {
 }
 
 fn succeeded(processed: &Processed) -> Outcome {
-    let result = |artifact: &Artifact| ResultFile {
-        name: artifact.name.to_owned(),
-        media_type: artifact.media_type.to_owned(),
-        bytes: artifact.bytes,
-        sha256: artifact.sha256.clone(),
-    };
-    let warning = |warning: &Warning| JobWarning { code: warning.code.to_owned(), message: warning.message.clone() };
+        let warning = |warning: &Warning| JobWarning { code: warning.code.to_string(), message: warning.message.clone() };
     Outcome::Succeeded {
-        results: processed.artifacts.iter().map(result).collect(),
+        results: processed.files.iter().map(ResultFile::from).collect(),
         warnings: processed.warnings.iter().map(warning).collect(),
         program: PROGRAM.to_owned(),
     }

@@ -35,7 +35,7 @@ use crate::formats::hex;
 use crate::jobs::blocking::on_own_thread;
 use crate::jobs::job::{Job, JobId, ResultFile};
 use crate::jobs::make_private;
-use crate::jobs::process::sha256_of_file;
+use crate::jobs::drafts::sha256_of_file;
 
 const SCRATCH: &str = "scratch";
 const MASKS: &str = "masks";
@@ -167,6 +167,23 @@ impl Blobs {
         });
         futures_util::future::try_join_all(put).await?;
         Ok(())
+    }
+
+    /// Stores a file that was made in the folder of a draft beside the published results of a job.
+    ///
+    /// # Errors
+    /// When it cannot be stored.
+    pub async fn keep_made(&self, id: JobId, (draft, token): (&str, &str), name: &str) -> io::Result<()> {
+        self.put(&self.scratch.join(draft).join(name), &result_key(id, token, name)).await
+    }
+
+    /// All bytes of a published result, however large.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub async fn read_all(&self, id: JobId, token: &str, file: &ResultFile) -> io::Result<Vec<u8>> {
+        let found = self.store.get(&result_key(id, token, &file.name)).await.map_err(io_error)?;
+        Ok(found.bytes().await.map_err(io_error)?.to_vec())
     }
 
     /// Removes the local folder of an attempt. Blocks.

@@ -373,6 +373,10 @@ pub trait JobStore: Send + Sync {
     /// Puts a failed or canceled job back into the queue, its attempts counted anew.
     async fn retry(&self, id: JobId, now: Timestamp, limits: QueueLimits) -> Result<RetryAnswer, StoreError>;
 
+    /// Names one more result of a job that has succeeded, in the folder `token`; one that is named already stays.
+    /// `false` when the job is gone, or its results are.
+    async fn add_result(&self, id: JobId, token: &str, file: &ResultFile) -> Result<bool, StoreError>;
+
     /// Forgets a job, running or not; `false` when there is none.
     async fn delete(&self, id: JobId) -> Result<bool, StoreError>;
 }

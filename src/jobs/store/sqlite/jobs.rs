@@ -6,7 +6,7 @@ use sqlx::{AssertSqlSafe, Row, Sqlite, SqliteExecutor, Transaction};
 
 use super::queue::load;
 use super::{SqliteStore, rows};
-use crate::jobs::job::{Job, JobId, JobState};
+use crate::jobs::job::{Job, JobId, JobState, ResultFile};
 use crate::jobs::moves::Cause;
 use crate::jobs::store::sql::{self, MoveSql};
 use crate::jobs::store::{
@@ -116,6 +116,24 @@ impl JobStore for SqliteStore {
         limits.check(&load(&mut *transaction, &owner).await?.without_own(bytes), bytes)?;
         transaction.commit().await?;
         Ok(RetryAnswer::Queued)
+    }
+
+    async fn add_result(&self, id: JobId, token: &str, file: &ResultFile) -> Result<bool, StoreError> {
+        let mut transaction = self.write().await?;
+        let job = find(&mut *transaction, id).await?;
+        let Some(mut job) = job.filter(|job| job.are_results_kept && job.results_token.as_deref() == Some(token)) else {
+            return Ok(false);
+        };
+        if !job.has_result(&file.name) {
+            job.results.push(file.clone());
+            sqlx::query("UPDATE jobs SET results = $1 WHERE id = $2")
+                .bind(rows::to_json(&job.results))
+                .bind(id.to_string())
+                .execute(&mut *transaction)
+                .await?;
+        }
+        transaction.commit().await?;
+        Ok(true)
     }
 
     async fn delete(&self, id: JobId) -> Result<bool, StoreError> {

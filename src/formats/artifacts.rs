@@ -1,0 +1,60 @@
+//! The artifacts of a result: one entry each. A further output is one more entry here, and its writer in
+//! [`super::write`].
+
+use std::io::{self, Write};
+
+use super::write::record::Record;
+use super::write::{glb, tables, thickness};
+
+/// A file that is made of a result.
+pub struct Artifact {
+    /// File name.
+    pub name: &'static str,
+    /// Media type.
+    pub media_type: &'static str,
+    /// Whether it is made unless others are asked for (parameter `outputs`).
+    pub is_default: bool,
+    /// Whether it says how long the others took: then it is written after them.
+    pub tells_time: bool,
+    /// Writes it.
+    pub write: fn(&Record, &mut dyn Write) -> io::Result<()>,
+}
+
+/// All of them, in the order of the contract.
+pub const ARTIFACTS: [Artifact; 4] = [
+    Artifact {
+        name: "model.glb",
+        media_type: "model/gltf-binary",
+        is_default: true,
+        tells_time: false,
+        write: |record, out| glb::write(&record.model, out),
+    },
+    Artifact {
+        name: "thickness.json",
+        media_type: "application/json",
+        is_default: true,
+        tells_time: true,
+        write: |record, out| thickness::write(&record.model, &record.input, &record.warnings, record.timings, out),
+    },
+    Artifact {
+        name: "thickness.csv",
+        media_type: "text/csv",
+        is_default: true,
+        tells_time: false,
+        write: |record, out| tables::write_thickness(&record.model, out),
+    },
+    Artifact {
+        name: "points.csv",
+        media_type: "text/csv",
+        is_default: true,
+        tells_time: false,
+        write: |record, out| tables::write_points(&record.model, out),
+    },
+];
+
+/// The artifact of a name.
+#[must_use]
+pub fn by_name(name: &str) -> Option<&'static Artifact> {
+    const ALL: &[Artifact] = &ARTIFACTS;
+    ALL.iter().find(|artifact| artifact.name == name)
+}
