@@ -8,8 +8,9 @@
 use std::io::sink;
 use std::time::{Duration, Instant};
 
-use medialrep::formats::thickness_json::{InputFacts, OuterTimings};
-use medialrep::formats::{InputLimits, glb, nifti_write, read, tables, thickness_json};
+use medialrep::formats::write::thickness::{InputFacts, OuterTimings};
+use medialrep::formats::write::{glb, tables, thickness};
+use medialrep::formats::{InputLimits, nifti_write, read};
 use medialrep::model::{Model, Stage, StageTimings};
 use medialrep::params::{CheckedParams, Params};
 use medialrep::pipeline::observer::Silent;
@@ -68,7 +69,7 @@ fn from_file_to_files(file: &[u8], params: &CheckedParams) -> StageTimings {
     glb::write(&model, sink()).expect("nothing is written");
     tables::write_thickness(&model, sink()).expect("nothing is written");
     tables::write_points(&model, sink()).expect("nothing is written");
-    thickness_json::write(&model, &input, &[], OuterTimings::default(), sink()).expect("nothing is written");
+    thickness::write(&model, &input, &[], OuterTimings::default(), sink()).expect("nothing is written");
     model.structures[0].timings
 }
 

@@ -245,7 +245,10 @@ mod tests {
             (Problem::from(&Refusal::EmptyMask), 3),
             (Problem::from(&label), 3),
             (Problem::from(&Refusal::TooSmall { points: 1, needed: 9 }), 4),
-            (Problem::from(&Refusal::TooManyPoints { method: "exact ISOMAP".into(), points: 20_000, limit: 10_000 }), 4),
+            (
+                Problem::from(&Refusal::TooManyPoints { method: "exact ISOMAP".into(), points: 20_000, limit: 10_000 }),
+                4,
+            ),
             (*check_mask(Path::new("/")).unwrap_err(), 2),
             (*check_folder(Path::new("/proc")).unwrap_err(), 2),
             (*check_folder(Path::new("/dev/null")).unwrap_err(), 2),

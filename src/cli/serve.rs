@@ -305,9 +305,8 @@ async fn listen(config: &ServeConfig) -> anyhow::Result<()> {
         TcpListener::bind(config.listen).await.with_context(|| format!("cannot listen on {}", config.listen))?;
     let address = listener.local_addr()?;
     tracing::info!(%address, workers = config.workers, "listening");
-    let processor: Processor = Arc::new(|mask, params, limits, out, observer| {
-        process(mask, params, limits, (out, Kept::Record), observer)
-    });
+    let processor: Processor =
+        Arc::new(|mask, params, limits, out, observer| process(mask, params, limits, (out, Kept::Record), observer));
     server::run(listener, config, &processor, stop)
         .await
         .with_context(|| format!("data directory {}", config.data_dir.display()))

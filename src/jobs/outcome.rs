@@ -1,6 +1,6 @@
 //! What became of a mask, in a few words.
 
-use super::drafts::WrittenFile;
+pub use super::drafts::WrittenFile;
 use crate::model::{Reason, Refusal, Stage, Structure, Verdict, Warning};
 
 /// What became of a mask.
@@ -54,4 +54,3 @@ impl From<&Structure> for StructureSummary {
         Self { label: structure.label, name: structure.name.clone(), found }
     }
 }
-

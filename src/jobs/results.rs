@@ -85,7 +85,11 @@ impl Jobs {
         self.end_draft(draft).await?;
         kept?;
         tracing::info!(job = %job.id, name = file.name, "result made on request");
-        if self.store().add_result(job.id, token, &file).await? { Ok(Some(file)) } else { Err(JobsError::ResultsErased) }
+        if self.store().add_result(job.id, token, &file).await? {
+            Ok(Some(file))
+        } else {
+            Err(JobsError::ResultsErased)
+        }
     }
 
     async fn end_draft(&self, draft: String) -> Result<(), JobsError> {

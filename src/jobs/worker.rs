@@ -16,9 +16,9 @@ use tracing::{Instrument, info_span};
 
 use super::blocking::on_own_thread;
 use super::caller::Caller;
+use super::drafts::sha256_of_file;
 use super::error::JobsError;
 use super::job::{Job, JobWarning, RequestedParams, ResultFile};
-use super::drafts::sha256_of_file;
 use super::outcome::Processed;
 use super::process::{InputLimits, ProcessError};
 use super::running::Running;
@@ -305,7 +305,7 @@ fn storage_failed(error: &io::Error) -> Outcome {
 }
 
 fn succeeded(processed: &Processed) -> Outcome {
-        let warning = |warning: &Warning| JobWarning { code: warning.code.to_string(), message: warning.message.clone() };
+    let warning = |warning: &Warning| JobWarning { code: warning.code.to_string(), message: warning.message.clone() };
     Outcome::Succeeded {
         results: processed.files.iter().map(ResultFile::from).collect(),
         warnings: processed.warnings.iter().map(warning).collect(),

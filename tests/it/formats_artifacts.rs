@@ -2,8 +2,9 @@
 
 use std::io::Write;
 
-use medialrep::formats::thickness_json::{self, InputFacts, OuterTimings};
-use medialrep::formats::{params_json, tables};
+use medialrep::formats::params_json;
+use medialrep::formats::write::tables;
+use medialrep::formats::write::thickness::{self, InputFacts, OuterTimings};
 use medialrep::model::Model;
 use medialrep::model::Uncertainty;
 use medialrep::model::{Stage, Warning};
@@ -19,10 +20,10 @@ fn text(write: impl FnOnce(&mut Vec<u8>) -> std::io::Result<()>) -> String {
 }
 
 fn thickness(model: &Model) -> Value {
-    let input = InputFacts { sha256: "ab".repeat(32), format: "nifti1.gz" };
-    let notices = [Warning { code: "no_orientation", message: "none".to_owned() }];
+    let input = InputFacts { sha256: "ab".repeat(32), format: "nifti1.gz".to_owned() };
+    let notices = [Warning { code: "no_orientation".into(), message: "none".to_owned() }];
     let timings = OuterTimings { read_ms: 1.0, write_ms: 2.0, total_ms: 3.0 };
-    serde_json::from_str(&text(|out| thickness_json::write(model, &input, &notices, timings, out))).unwrap()
+    serde_json::from_str(&text(|out| thickness::write(model, &input, &notices, timings, out))).unwrap()
 }
 
 fn keys(value: &Value) -> Vec<&str> {
@@ -76,6 +77,7 @@ fn a_figure_has_every_node_in_row_major_order() {
     let figure = &document["structures"][0]["figures"][0];
     let names = [
         "index",
+        "kind",
         "grid",
         "medial",
         "upper",
@@ -149,13 +151,14 @@ fn a_result_says_what_it_rests_on() {
 fn uncertainty_is_written_when_it_was_asked_for() {
     let mut model = model();
     model.params = Params { uncertainty: 2, ..Params::default() }.check().unwrap();
-    let spread = |sd: f64| vec![sd; 48];
-    model.structures[0].figures[0].uncertainty = Some(Uncertainty {
+    let spread = |sd: Option<f64>| vec![sd; 48];
+    let Figure::Sheet(sheet) = &mut model.structures[0].figures[0];
+    sheet.uncertainty = Some(Uncertainty {
         repeats: 2,
         matched: 2,
-        upper_mm: spread(0.25),
-        lower_mm: spread(0.5),
-        total_mm: spread(f64::NAN),
+        upper_mm: spread(Some(0.25)),
+        lower_mm: spread(Some(0.5)),
+        total_mm: spread(None),
     });
     let document = thickness(&model);
     assert_eq!(document["params"]["uncertainty"], 2);

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::Command;
 
 use gltf::mesh::Mode;
-use medialrep::formats::glb;
+use medialrep::formats::write::glb;
 use medialrep::model::{Model, TriangleMesh};
 use medialrep::numerics::triangles::volume;
 use nalgebra::{Matrix4, Point3, Vector3};
@@ -78,7 +78,7 @@ fn the_root_turns_mm_ras_into_metres_with_the_front_to_the_viewer() {
 #[test]
 fn surfaces_face_away_from_the_sheet() {
     let model = model();
-    let figure = &model.structures[0].figures[0];
+    let figure = model.structures[0].sheets().next().expect("a sheet");
     let (document, buffers, _) = gltf::import_slice(bytes(&model)).unwrap();
     for (name, nodes) in [("upper", &figure.upper), ("lower", &figure.lower)] {
         // The first mesh of that name belongs to the first figure.

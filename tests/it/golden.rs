@@ -8,7 +8,7 @@ use std::fmt::Write;
 use std::path::PathBuf;
 use std::sync::Mutex;
 
-use medialrep::formats::thickness_json::{self, InputFacts, OuterTimings};
+use medialrep::formats::write::thickness::{self, InputFacts, OuterTimings};
 use medialrep::pipeline::PipelineError;
 use medialrep::space::LabelVolume;
 use serde_json::{Map, Value, json};
@@ -167,8 +167,8 @@ fn entry(volume: &LabelVolume, params: &str) -> Value {
         Err(PipelineError::Cancelled(_)) => panic!("nobody cancels"),
     };
     let mut bytes = Vec::new();
-    let input = InputFacts { sha256: String::new(), format: "nifti1" };
-    thickness_json::write(&model, &input, &[], OuterTimings::default(), &mut bytes).unwrap();
+    let input = InputFacts { sha256: String::new(), format: "nifti1".to_owned() };
+    thickness::write(&model, &input, &[], OuterTimings::default(), &mut bytes).unwrap();
     let document: Value = serde_json::from_slice(&bytes).unwrap();
     let structures = list(&document["structures"]).iter().map(structure).collect();
     json!({ "structures": Value::Array(structures) })

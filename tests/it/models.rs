@@ -5,8 +5,8 @@ use medialrep::model::FrameFacts;
 use medialrep::model::LatticeSize;
 use medialrep::model::Refusal;
 use medialrep::model::{
-    Coverage, Figure, FigureQuality, FlatPoints, Junction, Model, PerSurface, Reason, Repair, StageTimings, Structure,
-    StructureQuality, TriangleMesh, Verdict, ring,
+    Coverage, Figure, FigureQuality, FlatPoints, Junction, LatticePlace, Model, PerSurface, Pruning, Reason, Repair,
+    Sheet, Side, StageTimings, Structure, StructureQuality, TriangleMesh, Verdict, ring,
 };
 use medialrep::model::{Stage, Warning};
 use medialrep::params::Params;
@@ -17,7 +17,7 @@ use nalgebra::{Point3, Vector3};
 
 /// A slab bent over a cylinder of 40 mm, nodes 5 mm apart along the bend and along its axis; 3
 /// to 4 mm thick above, 2 mm below.
-pub fn bent_slab(grid: LatticeSize) -> Figure {
+pub fn bent_slab(grid: LatticeSize) -> Sheet {
     let flat: Vec<ParamPoint> = (0..grid.rows * grid.cols)
         .map(|n| ParamPoint::new(5.0 * (n % grid.cols) as f64, 5.0 * (n / grid.cols) as f64))
         .collect();
@@ -31,18 +31,18 @@ pub fn bent_slab(grid: LatticeSize) -> Figure {
     let center = WorldPoint::from(medial.iter().map(|p| p.coords).sum::<WorldVector>() / medial.len() as f64);
     let crest = ring(grid).iter().map(|n| medial[*n] + (medial[*n] - center).normalize() * 2.5).collect();
     let points = |positions: &Vec<WorldPoint>| FlatPoints { positions: positions.clone(), flat: flat.clone() };
-    Figure {
+    Sheet {
         grid,
         crest,
         valid: vec![true; flat.len()],
         medial_radius_mm: vec![2.0; flat.len()],
-        area_distortion: vec![0.25; flat.len()],
+        area_distortion: vec![Some(0.25); flat.len()],
         intrinsic: PerSurface { medial: flat.clone(), upper: flat.clone(), lower: flat.clone() },
         neighbors: PerSurface { medial: Some(30.5), upper: Some(28.0), lower: Some(28.0) },
         landmarks: PerSurface { medial: 60, upper: 60, lower: 60 },
         points: PerSurface { medial: points(&medial), upper: points(&upper), lower: points(&lower) },
         quality: FigureQuality {
-            folded_cells: vec![(true, 1, 2)],
+            folded_cells: vec![LatticePlace { side: Side::Upper, i: 1, j: 2 }],
             folds: 1,
             valid_share: 1.0,
             ..FigureQuality::default()
@@ -89,23 +89,26 @@ pub fn outward(size: LatticeSize, node: usize) -> Vector3<f64> {
 }
 
 /// A structure of that figure with a tetrahedron as its object.
-pub fn structure(label: i64, figures: Vec<Figure>) -> Structure {
-    let reason = Reason { code: "few_nodes", message: "few nodes".to_owned(), value: 0.1 + 0.2, threshold: f64::NAN };
+pub fn structure(label: i64, sheets: Vec<Sheet>) -> Structure {
+    let reason =
+        Reason { code: "few_nodes".into(), message: "few nodes".to_owned(), value: 0.1 + 0.2, threshold: f64::NAN };
     Structure {
         label,
+        name: None,
+        color: None,
         voxels: 3600,
         volume_mm3: 3600.0,
         working_voxel_mm: 1.0,
-        figures,
+        figures: sheets.into_iter().map(Figure::Sheet).collect(),
         junctions: vec![Junction { figures: vec![0], points: vec![WorldPoint::new(1.0, 2.0, 3.0)] }],
-        pruned: 0,
+        pruning: Pruning { strength: 0.5, loss_needed: 0.03, pruned: 0 },
         quality: StructureQuality {
             verdict: Verdict::Warn,
             reasons: vec![reason],
             coverage: Coverage { dice: 0.96, ..Coverage::default() },
             ..StructureQuality::default()
         },
-        warnings: vec![Warning { code: "a_warning", message: "a \"quoted\" warning".to_owned() }],
+        warnings: vec![Warning { code: "a_warning".into(), message: "a \"quoted\" warning".to_owned() }],
         refusal: None,
         object: TriangleMesh {
             positions: [[0.0, 0.0, 0.0], [9.0, 0.0, 0.0], [0.0, 9.0, 0.0], [0.0, 0.0, 9.0]]
@@ -121,7 +124,7 @@ pub fn structure(label: i64, figures: Vec<Figure>) -> Structure {
 pub fn model() -> Model {
     let mut holed = bent_slab(LatticeSize { rows: 5, cols: 6 });
     holed.valid[0] = false;
-    holed.area_distortion[0] = f64::NAN;
+    holed.area_distortion[0] = None;
     holed.medial[0] = WorldPoint::new(f64::NAN, 0.0, 0.0);
     let mut refused = structure(2101, Vec::new());
     refused.refusal = Some(Refusal::TooSmall { points: 3, needed: 9 });

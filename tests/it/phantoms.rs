@@ -1,7 +1,7 @@
 //! Analytic shapes and what is true of every result.
 
 use medialrep::formats::params_json;
-use medialrep::model::Model;
+use medialrep::model::{Model, Sheet};
 use medialrep::params::{CheckedParams, Params};
 use medialrep::pipeline::context::Context;
 use medialrep::pipeline::observer::Silent;
@@ -40,6 +40,11 @@ pub fn run_with(volume: &LabelVolume, params: &str) -> Result<Model, PipelineErr
     run(volume, &params_json::parse(params.as_bytes()).expect("parameters in range"), &Silent)
 }
 
+/// The first sheet of the first structure.
+pub fn first_sheet(model: &Model) -> Sheet {
+    model.structures[0].sheets().next().expect("a sheet").clone()
+}
+
 /// Parameters that nothing is asked for in.
 pub fn defaults() -> CheckedParams {
     Params::default().check().expect("the defaults are in range")
@@ -72,7 +77,7 @@ pub fn painted(dims: [usize; 3], spacing_mm: [f64; 3], label_at: impl Fn([usize;
 /// Structural truths of every result.
 pub fn check_invariants(model: &Model) {
     for structure in &model.structures {
-        for figure in &structure.figures {
+        for figure in structure.sheets() {
             let nodes = figure.grid.rows * figure.grid.cols;
             let edge = 2 * (figure.grid.rows + figure.grid.cols) - 4;
             assert_eq!([figure.medial.len(), figure.upper.len(), figure.lower.len(), figure.valid.len()], [nodes; 4]);

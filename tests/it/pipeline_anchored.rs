@@ -1,6 +1,6 @@
 //! Anchored vectors: true lengths, no crossings, the sheet up to its rim, lattices that meet.
 
-use medialrep::model::{Figure, Structure, Verdict, ring};
+use medialrep::model::{Sheet, Structure, Verdict, ring};
 use medialrep::params::{Correspondence, LatticeKind, Params};
 use medialrep::space::WorldPoint;
 use nalgebra::Rotation3;
@@ -13,7 +13,7 @@ fn structure_of(name: &str, spacing_mm: f64, rotation: Rotation3<f64>) -> Struct
 }
 
 /// Relative errors of vector lengths against a constant half-thickness, away from the rim.
-fn length_errors(figure: &Figure, half_mm: f64) -> Vec<f64> {
+fn length_errors(figure: &Sheet, half_mm: f64) -> Vec<f64> {
     let is_inner = |n: usize| (3..9).contains(&(n / 20)) && (5..15).contains(&(n % 20));
     let both = [figure.upper_vectors(), figure.lower_vectors()];
     let lengths = both.iter().flat_map(|v| v.iter().enumerate().filter(|(n, _)| is_inner(*n)).map(|(_, v)| v.norm()));
@@ -26,16 +26,17 @@ fn it_is_the_default_and_paper_stays() {
     let paper = Params { correspondence: Correspondence::Paper, ..params() };
     let model = model_of(&volume("bent_even"), paper);
     assert_eq!(model.params.correspondence, Correspondence::Paper);
-    let quality = &model.structures[0].figures[0].quality;
+    let quality = &model.structures[0].sheets().next().expect("a sheet").quality;
     assert!(quality.residual_variance().upper.expect("its own") < 0.01, "sides are laid flat on their own");
     let anchored = structure_of("bent_even", 1.0, Rotation3::identity());
-    assert!(anchored.figures[0].quality.embedding.upper.is_none(), "sides are not laid flat");
+    assert!(anchored.sheets().next().expect("a sheet").quality.embedding.upper.is_none(), "sides are not laid flat");
 }
 
 #[test]
 fn vectors_have_the_true_length_however_the_slab_is_bent() {
     for (name, half_mm) in [("bent_even", 6.0), ("half_bent", 6.0), ("thick_bend", 11.0), ("twisted", 5.0)] {
-        let errors = length_errors(&structure_of(name, 1.0, Rotation3::identity()).figures[0], half_mm);
+        let errors =
+            length_errors(&structure_of(name, 1.0, Rotation3::identity()).sheets().next().expect("a sheet"), half_mm);
         let (mean, worst) =
             (errors.iter().sum::<f64>() / errors.len() as f64, errors.iter().fold(0.0f64, |a, b| a.max(*b)));
         assert!(mean < 0.02 && worst < 0.05, "{name}: {mean:.4} {worst:.4}");
@@ -48,7 +49,7 @@ fn no_vectors_cross_on_any_shape() {
         ["slab", "ellipsoid", "bent", "bump", "thick_bend", "half_bent", "twisted", "leaf", "tee", "wye", "cross"]
     {
         let structure = structure_of(name, 1.0, Rotation3::identity());
-        for figure in &structure.figures {
+        for figure in structure.sheets() {
             let quality = &figure.quality;
             assert_eq!((quality.folds, quality.folded_cells.len(), quality.folded_wedges.len()), (0, 0, 0), "{name}");
         }
@@ -60,7 +61,7 @@ fn no_vectors_cross_on_any_shape() {
 fn the_lattice_reaches_the_rim_of_the_sheet() {
     // The flat sheet of the slab has 54 × 38 mm; a margin of 2 % leaves 1.1 and 0.8 mm free.
     let structure = structure_of("slab", 1.0, turned());
-    let figure = &structure.figures[0];
+    let figure = structure.sheets().next().expect("a sheet");
     let extent = |axis: usize| {
         let values = figure.medial.iter().map(|p| p[axis]);
         values.clone().fold(f64::NEG_INFINITY, f64::max) - values.fold(f64::INFINITY, f64::min)
@@ -74,7 +75,7 @@ fn the_lattice_reaches_the_rim_of_the_sheet() {
 fn the_same_solid_on_a_turned_grid_has_the_same_nodes() {
     for name in ["ellipsoid", "bent_even", "twisted", "half_bent"] {
         let (a, b) = (structure_of(name, 1.0, Rotation3::identity()), structure_of(name, 1.0, turned()));
-        let drift = drift(&a.figures[0], &b.figures[0]);
+        let drift = drift(a.sheets().next().expect("a sheet"), b.sheets().next().expect("a sheet"));
         assert!(drift < 0.75, "{name}: {drift:.3} voxels");
     }
 }
@@ -84,7 +85,7 @@ fn finer_masks_give_smaller_errors() {
     let error = |spacing_mm: f64| {
         let shape = sample("twisted");
         let structure = structure_of("twisted", spacing_mm, turned());
-        let figure = &structure.figures[0];
+        let figure = structure.sheets().next().expect("a sheet");
         (
             rms(figure.medial.iter().map(|p| shape.to_sheet_mm(*p))),
             rms(figure.upper.iter().chain(&figure.lower).map(|p| shape.signed_mm(*p))),
@@ -99,7 +100,7 @@ fn neighbouring_lattices_meet_at_the_hinge() {
     for name in ["tee", "wye"] {
         let structure = structure_of(name, 1.0, Rotation3::identity());
         let hinge = structure.junctions.iter().find(|j| j.figures == [0, 1, 2]).expect("a hinge of all three");
-        for figure in &structure.figures {
+        for figure in structure.sheets() {
             // Along the middle of the hinge: its ends are corners of the lattices.
             let edge: Vec<WorldPoint> = ring(figure.grid).into_iter().map(|n| figure.medial[n]).collect();
             let gap =
@@ -116,7 +117,7 @@ fn neighbouring_lattices_meet_at_the_hinge() {
 fn a_regular_lattice_flags_what_lies_off_the_sheet_and_stays_legal_on_it() {
     let params = Params { lattice: LatticeKind::Regular, ..params() };
     let structure = model_of(&volume("ellipsoid"), params).structures.remove(0);
-    let figure = &structure.figures[0];
+    let figure = structure.sheets().next().expect("a sheet");
     let valid = figure.valid.iter().filter(|v| **v).count();
     assert!(valid > 120 && valid < 240, "{valid} of 240 on an ellipse");
     assert_eq!(figure.quality.folds, 0);
@@ -125,7 +126,7 @@ fn a_regular_lattice_flags_what_lies_off_the_sheet_and_stays_legal_on_it() {
 #[test]
 fn edge_vectors_of_an_abrupt_end_lean_towards_the_crest_and_inner_ones_do_not() {
     let structure = structure_of("slab", 1.0, Rotation3::identity());
-    let figure = &structure.figures[0];
+    let figure = structure.sheets().next().expect("a sheet");
     let vectors = figure.upper_vectors();
     let lean = |n: usize| (vectors[n].z.abs() / vectors[n].norm()).acos().to_degrees();
     let (edge, inner) = (lean(10), lean(6 * 20 + 10));

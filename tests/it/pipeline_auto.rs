@@ -1,19 +1,19 @@
 //! What is chosen when the choice is left to the program.
 
-use medialrep::model::Figure;
 use medialrep::model::GridFrom;
 use medialrep::model::LatticeSize;
+use medialrep::model::Sheet;
 use medialrep::params::{Correspondence, GridChoice, Neighbors, Params};
 use medialrep::space::LabelVolume;
 
 use crate::phantoms::{model_of, params, volume};
 
-fn figure_of(volume: &LabelVolume, params: Params) -> Figure {
-    model_of(volume, params).structures.remove(0).figures.remove(0)
+fn figure_of(volume: &LabelVolume, params: Params) -> Sheet {
+    first_sheet(&model_of(volume, params))
 }
 
 /// Mean distances between neighbouring medial nodes along rows and along columns, mm.
-fn mean_steps(figure: &Figure) -> [f64; 2] {
+fn mean_steps(figure: &Sheet) -> [f64; 2] {
     let LatticeSize { rows, cols } = figure.grid;
     let step = |a: usize, b: usize| (figure.medial[a] - figure.medial[b]).norm();
     let along: Vec<f64> = (0..rows * cols).filter(|n| n % cols + 1 < cols).map(|n| step(n, n + 1)).collect();
@@ -55,7 +55,7 @@ fn the_neighbourhood_chosen_is_told_with_its_evidence() {
     let facts = &figure.automatic;
     assert_eq!((facts.neighborhood.as_str(), facts.neighborhood_mm), ("ball of 4 voxels", Some(4.0)));
     // The sides have a graph of their own only where they are laid flat on their own.
-    let pieces = |figure: &Figure| {
+    let pieces = |figure: &Sheet| {
         let pieces = &figure.automatic.graph_pieces;
         [pieces.medial, pieces.upper, pieces.lower]
     };

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use medialrep::cancel::Cancel;
 use medialrep::formats::{InputLimits, nifti_write};
-use medialrep::jobs::process::{ProcessError, process};
+use medialrep::jobs::process::{Kept, ProcessError, process};
 use medialrep::model::Stage;
 use medialrep::params::Params;
 use medialrep::pipeline::observer::Observer;
@@ -28,7 +28,7 @@ fn folder_with(sample: &str, spacing_mm: f64) -> TempDir {
 /// The whole way from file to files; whether it was cancelled.
 fn is_cancelled(folder: &Path, observer: &dyn Observer) -> bool {
     let params = Params::default().check().unwrap();
-    match process(&folder.join("mask.nii.gz"), &params, InputLimits::default(), folder, observer) {
+    match process(&folder.join("mask.nii.gz"), &params, InputLimits::default(), (folder, Kept::Artifacts), observer) {
         Ok(_) => false,
         Err(ProcessError::Cancelled) => true,
         Err(error) => panic!("{error:?}"),

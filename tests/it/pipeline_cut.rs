@@ -37,7 +37,7 @@ fn a_bowl_is_cut_until_every_part_can_be_laid_flat() {
     let bowl = structure(&bowl(), params());
     assert_eq!(cuts(&bowl), 1);
     assert!(bowl.figures.len() > 1);
-    for figure in &bowl.figures {
+    for figure in bowl.sheets() {
         let residual = figure.quality.residual_variance().medial.expect("laid flat");
         assert!(residual < 0.018, "residual variance {residual:.3}");
     }
@@ -51,7 +51,7 @@ fn a_bowl_is_cut_until_every_part_can_be_laid_flat() {
 fn parts_reach_the_hinge_that_they_meet_at() {
     let plate = structure(&notched(), params());
     // The crest of a lattice at a hinge is the hinge; its points are 2 to 4 voxels apart.
-    let ends: Vec<_> = plate.figures.iter().map(|f| [&f.medial[..], &f.crest].concat()).collect();
+    let ends: Vec<_> = plate.sheets().map(|f| [&f.medial[..], &f.crest].concat()).collect();
     let gap = |p: &medialrep::space::WorldPoint| {
         let to =
             |nodes: &[medialrep::space::WorldPoint]| nodes.iter().map(|q| (q - p).norm()).fold(f64::INFINITY, f64::min);

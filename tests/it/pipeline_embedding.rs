@@ -65,7 +65,7 @@ fn lle_keeps_the_angles_of_sheets_at_junctions_better_than_isomap() {
 fn paper_verdict(name: &str, embedding: Embedding) -> Verdict {
     let model = model_of(&volume(name), Params { embedding, correspondence: Correspondence::Paper, ..params() });
     check_invariants(&model);
-    let figure = &model.structures[0].figures[0];
+    let figure = model.structures[0].sheets().next().expect("a sheet");
     for (surface, plane) in figure.quality.embedding.named() {
         let plane = plane.as_ref().expect("each surface is laid flat on its own");
         assert!(plane.turned_over.is_some() && plane.angle_error_deg.is_some(), "{surface}: {plane:?}");

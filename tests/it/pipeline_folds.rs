@@ -1,6 +1,6 @@
 //! Results that fold are failures with the place named: real ones, and nodes turned over by hand.
 
-use medialrep::model::{Figure, FigureQuality, Model, Structure, StructureQuality, Verdict, ring};
+use medialrep::model::{FigureQuality, LatticePlace, Model, Sheet, Side, Structure, StructureQuality, Verdict, ring};
 use nalgebra::{Point3, Vector3};
 
 use crate::measure::accuracy::folded_corners;
@@ -20,10 +20,10 @@ const FOLDING: [(&str, &str); 3] = [
 #[track_caller]
 pub fn check_folds_are_told(structure: &Structure) -> [usize; 3] {
     let quality = &structure.quality;
-    let sum = |of: fn(&FigureQuality) -> usize| structure.figures.iter().map(|f| of(&f.quality)).sum::<usize>();
+    let sum = |of: fn(&FigureQuality) -> usize| structure.sheets().map(|f| of(&f.quality)).sum::<usize>();
     let told = [quality.folds, quality.folded_centres, quality.folded_wedges];
     assert_eq!(told, [sum(|q| q.folds), sum(|q| q.folded_centres), sum(|q| q.folded_wedges.len())]);
-    for figure in &structure.figures {
+    for figure in structure.sheets() {
         assert_eq!((figure.quality.folds, figure.quality.corners), folded_corners(figure));
     }
     for (count, code) in told.into_iter().zip(["folds", "folded_centres", "folded_wedges"]) {
@@ -43,20 +43,20 @@ fn results_that_really_fold_fail_with_their_cells_named() {
         for structure in &model.structures {
             let told = check_folds_are_told(structure);
             met = std::array::from_fn(|n| met[n] + told[n]);
-            structure.figures.iter().for_each(check_named);
+            structure.sheets().for_each(check_named);
         }
     }
     assert!(met.iter().all(|count| *count > 0), "{met:?} met: find solids and parameters that still fold");
 }
 
 /// A figure names a cell if and only if it has a folded corner or centre, each once.
-fn check_named(figure: &Figure) {
+fn check_named(figure: &Sheet) {
     let FigureQuality { folds, folded_centres, folded_cells, folded_wedges, .. } = &figure.quality;
     assert_eq!(folded_cells.is_empty(), folds + folded_centres == 0);
     assert!(*folds <= 8 * folded_cells.len() && *folded_centres <= folded_cells.len());
-    let cells = |&&(_, i, j): &&(bool, usize, usize)| i + 1 < figure.grid.rows && j + 1 < figure.grid.cols;
+    let cells = |&&LatticePlace { i, j, .. }: &&LatticePlace| i + 1 < figure.grid.rows && j + 1 < figure.grid.cols;
     assert_eq!(folded_cells.iter().filter(cells).count(), folded_cells.len(), "{folded_cells:?}");
-    let is_edge = |&(_, i, j): &(bool, usize, usize)| ring(figure.grid).contains(&(i * figure.grid.cols + j));
+    let is_edge = |&LatticePlace { i, j, .. }: &LatticePlace| ring(figure.grid).contains(&(i * figure.grid.cols + j));
     assert!(folded_wedges.iter().all(is_edge), "{folded_wedges:?}");
     for mut list in [folded_cells.clone(), folded_wedges.clone()] {
         let count = list.len();
@@ -66,11 +66,15 @@ fn check_named(figure: &Figure) {
     }
 }
 
+fn at(side: Side, i: usize, j: usize) -> LatticePlace {
+    LatticePlace { side, i, j }
+}
+
 /// The codes of what fails.
-fn failures(quality: &StructureQuality) -> Vec<&'static str> {
+fn failures(quality: &StructureQuality) -> Vec<&str> {
     assert_eq!(quality.verdict, Verdict::Fail);
-    let folded = |code: &&'static str| code.starts_with("fold");
-    quality.reasons.iter().map(|reason| reason.code).filter(folded).collect()
+    let folded = |code: &&str| code.starts_with("fold");
+    quality.reasons.iter().map(|reason| &*reason.code).filter(folded).collect()
 }
 
 #[test]
@@ -90,8 +94,8 @@ fn a_side_on_the_wrong_side_fails_with_all_its_cells_named() {
     assert!(failures(&quality).contains(&"folds"));
     let (rows, cols) = (4, 5);
     assert_eq!((figure.folds, figure.folded_cells.len()), (8 * (rows - 1) * (cols - 1), (rows - 1) * (cols - 1)));
-    let side = figure.folded_cells[0].0;
-    assert!(figure.folded_cells.iter().all(|cell| cell.0 == side), "{:?}", figure.folded_cells);
+    let side = figure.folded_cells[0].side;
+    assert!(figure.folded_cells.iter().all(|cell| cell.side == side), "{:?}", figure.folded_cells);
 }
 
 #[test]
@@ -102,13 +106,14 @@ fn a_vector_that_crosses_its_neighbours_fails_with_the_cells_round_it_named() {
     });
     assert_eq!(failures(&quality)[0], "folds");
     // Node 7 is (1, 2): of the cells round it those that it has left or crossed.
-    let is_round_it = |&(is_upper, i, j): &(bool, usize, usize)| is_upper && i <= 1 && (1..=2).contains(&j);
+    let is_round_it =
+        |&LatticePlace { side, i, j }: &LatticePlace| side == Side::Upper && i <= 1 && (1..=2).contains(&j);
     assert!(
         !figure.folded_cells.is_empty() && figure.folded_cells.iter().all(is_round_it),
         "{:?}",
         figure.folded_cells
     );
-    assert!(figure.folded_cells.contains(&(true, 1, 2)), "{:?}", figure.folded_cells);
+    assert!(figure.folded_cells.contains(&at(Side::Upper, 1, 2)), "{:?}", figure.folded_cells);
 }
 
 #[test]
@@ -119,7 +124,10 @@ fn a_wedge_turned_over_fails_with_its_place_named() {
         nodes.crest[2] += inward * 1.5;
     });
     assert_eq!(failures(&quality), ["folded_wedges"]);
-    assert_eq!(figure.folded_wedges, [(true, 0, 1), (true, 0, 2), (false, 0, 1), (false, 0, 2)]);
+    assert_eq!(
+        figure.folded_wedges,
+        [at(Side::Upper, 0, 1), at(Side::Upper, 0, 2), at(Side::Lower, 0, 1), at(Side::Lower, 0, 2)]
+    );
     assert_eq!((figure.folds, figure.folded_cells), (0, vec![]));
 }
 
@@ -135,5 +143,9 @@ fn a_cell_turned_over_in_its_middle_alone_fails_with_its_place_named() {
         }
     });
     assert!(failures(&quality).contains(&"folded_centres"));
-    assert!(figure.folded_centres > 0 && figure.folded_cells.contains(&(true, 1, 1)), "{:?}", figure.folded_cells);
+    assert!(
+        figure.folded_centres > 0 && figure.folded_cells.contains(&at(Side::Upper, 1, 1)),
+        "{:?}",
+        figure.folded_cells
+    );
 }

@@ -1,18 +1,18 @@
 //! One frame for one anatomy: (i, j) and the sides follow the world, not the file.
 
-use medialrep::model::Figure;
 use medialrep::model::FrameRule;
+use medialrep::model::Sheet;
 use medialrep::space::{Grid, LabelVolume, WorldFromVoxel, WorldPoint, WorldVector};
 use nalgebra::{Rotation3, Vector3};
 
 use crate::phantoms::{counted, drift, model_of, params, rms, sample, turned, volume};
 
-fn figure_of(volume: &LabelVolume) -> Figure {
-    model_of(volume, params()).structures.remove(0).figures.remove(0)
+fn figure_of(volume: &LabelVolume) -> Sheet {
+    first_sheet(&model_of(volume, params()))
 }
 
 /// Largest distance between the nodes of two figures, mm.
-fn worst(a: &Figure, b: &Figure) -> f64 {
+fn worst(a: &Sheet, b: &Sheet) -> f64 {
     let pairs = |x: &[WorldPoint], y: &[WorldPoint]| x.iter().zip(y).map(|(p, q)| (p - q).norm()).fold(0.0, f64::max);
     [pairs(&a.medial, &b.medial), pairs(&a.upper, &b.upper), pairs(&a.lower, &b.lower), pairs(&a.crest, &b.crest)]
         .into_iter()
@@ -95,7 +95,7 @@ fn mirrored(volume: &LabelVolume) -> LabelVolume {
     LabelVolume { world_from_voxel, ..volume.clone() }
 }
 
-fn reflected(mut figure: Figure) -> Figure {
+fn reflected(mut figure: Sheet) -> Sheet {
     for points in [&mut figure.medial, &mut figure.upper, &mut figure.lower, &mut figure.crest] {
         points.iter_mut().for_each(|p| p.x = -p.x);
     }
@@ -103,7 +103,7 @@ fn reflected(mut figure: Figure) -> Figure {
 }
 
 /// (columns × rows) · upper: the sense in which the frame turns.
-fn handedness(figure: &Figure) -> f64 {
+fn handedness(figure: &Sheet) -> f64 {
     figure.frame.cols_along.cross(&figure.frame.rows_along).dot(&figure.frame.upper_towards)
 }
 
@@ -146,7 +146,7 @@ fn a_square_sheet_keeps_its_own_axes_and_says_that_they_are_equals() {
     for (sides, degrees) in [([40.0, 40.0], 20.0), ([40.0, 39.0], 20.0), ([39.0, 40.0], 20.0), ([40.0, 40.0], 70.0)] {
         let axes = turn(degrees);
         let structure = model_of(&plate(sides, axes), params()).structures.remove(0);
-        let frame = &structure.figures[0].frame;
+        let frame = &structure.sheets().next().expect("a sheet").frame;
         // Of the two the one nearer to superior, whichever is a little longer.
         let superior = if degrees < 45.0 { axes[1] } else { axes[0] };
         assert_eq!(frame.rule, FrameRule::SuperiorOfEqualAxes);
@@ -158,7 +158,7 @@ fn a_square_sheet_keeps_its_own_axes_and_says_that_they_are_equals() {
 #[test]
 fn an_oblong_sheet_beside_the_midline_has_one_frame() {
     let structure = model_of(&plate([50.0, 30.0], [WorldVector::z(), WorldVector::y()]), params()).structures.remove(0);
-    let frame = &structure.figures[0].frame;
+    let frame = &structure.sheets().next().expect("a sheet").frame;
     assert_eq!((frame.rule, frame.ambiguities.len()), (FrameRule::LongerAxis, 0), "{:?}", frame.ambiguities);
     // The sheet ends half a thickness inside the sides.
     assert!((frame.aspect - 42.0 / 22.0).abs() < 0.05, "aspect {:.2}", frame.aspect);

@@ -87,7 +87,10 @@ fn stray_voxels_and_cavities_are_mended_with_a_word() {
     assert_eq!(warnings(&plain), Vec::<&str>::new());
     assert_eq!(warnings(&dirty), ["stray_voxels_dropped", "cavities_filled"]);
     let (a, b) = (model_of(&plain, params()), model_of(&dirty, params()));
-    assert!(drift(&a.structures[0].figures[0], &b.structures[0].figures[0]) < 1e-9);
+    assert!(
+        drift(a.structures[0].sheets().next().expect("a sheet"), b.structures[0].sheets().next().expect("a sheet"))
+            < 1e-9
+    );
 }
 
 #[test]
@@ -101,8 +104,14 @@ fn padding_changes_nothing() {
     let small = painted([52, 42, 22], [1.0; 3], |at| u16::from(in_slab(at)));
     let large = painted([70, 55, 40], [1.0; 3], |at| u16::from(in_slab(at)));
     let (a, b) = (model_of(&small, params()), model_of(&large, params()));
-    assert_eq!(a.structures[0].figures[0].medial, b.structures[0].figures[0].medial);
-    assert_eq!(a.structures[0].figures[0].upper, b.structures[0].figures[0].upper);
+    assert_eq!(
+        a.structures[0].sheets().next().expect("a sheet").medial,
+        b.structures[0].sheets().next().expect("a sheet").medial
+    );
+    assert_eq!(
+        a.structures[0].sheets().next().expect("a sheet").upper,
+        b.structures[0].sheets().next().expect("a sheet").upper
+    );
 }
 
 #[test]
@@ -128,9 +137,10 @@ fn landmarks_agree_with_exact_isomap() {
     let volume = volume("leaf");
     let exact = model_of(&volume, Params { landmarks: Landmarks::All, ..params() });
     let few = model_of(&volume, params());
-    let (a, b) = (&exact.structures[0].figures[0], &few.structures[0].figures[0]);
+    let (a, b) =
+        (exact.structures[0].sheets().next().expect("a sheet"), few.structures[0].sheets().next().expect("a sheet"));
     assert!(a.landmarks.medial > 5 * b.landmarks.medial);
-    let flat = |f: &medialrep::model::Figure| f.points.medial.flat.clone();
+    let flat = |f: &medialrep::model::Sheet| f.points.medial.flat.clone();
     let (a, b) = (flat(a), flat(b));
     let extent = a.iter().map(|p| p.x).fold(0.0, f64::max) - a.iter().map(|p| p.x).fold(0.0, f64::min);
     let off = crate::phantoms::rms(a.iter().zip(&b).map(|(p, q)| (p - q).norm()));
@@ -141,7 +151,10 @@ fn landmarks_agree_with_exact_isomap() {
 fn neighbourhoods_are_what_was_asked_for() {
     let volume = volume("leaf");
     let degree = |neighbors| {
-        model_of(&volume, Params { neighbors, ..params() }).structures[0].figures[0]
+        model_of(&volume, Params { neighbors, ..params() }).structures[0]
+            .sheets()
+            .next()
+            .expect("a sheet")
             .neighbors
             .medial
             .expect("laid flat")
@@ -161,7 +174,7 @@ fn a_neighbourhood_too_small_to_connect_is_joined_and_said() {
 #[test]
 fn the_regular_lattice_is_a_rectangle_with_nodes_off_the_sheet_flagged() {
     let model = model_of(&volume("ellipsoid"), Params { lattice: LatticeKind::Regular, ..params() });
-    let figure = &model.structures[0].figures[0];
+    let figure = model.structures[0].sheets().next().expect("a sheet");
     let flat = &figure.intrinsic.medial;
     let invalid = figure.valid.iter().filter(|v| !**v).count();
     assert!((10..120).contains(&invalid), "the corners of a rectangle round an ellipse: {invalid} of 240");
@@ -173,7 +186,7 @@ fn the_regular_lattice_is_a_rectangle_with_nodes_off_the_sheet_flagged() {
 #[test]
 fn an_automatic_lattice_follows_the_spacing() {
     let params = Params { grid: GridChoice::Auto, spacing_mm: Some(5.0), margin: 0.0, ..params() };
-    let figure = &model_of(&volume("bent_even"), params).structures[0].figures[0];
+    let figure = &model_of(&volume("bent_even"), params).structures[0].sheets().next().expect("a sheet");
     let LatticeSize { rows, cols } = figure.grid;
     let step = (figure.medial[cols / 2 + 1] - figure.medial[cols / 2]).norm();
     assert!((4.0..6.0).contains(&step), "{rows} × {cols}, {step:.2} mm apart");
@@ -182,7 +195,10 @@ fn an_automatic_lattice_follows_the_spacing() {
 #[test]
 fn the_margin_keeps_nodes_off_the_edge() {
     let extent = |margin| {
-        let figure = &model_of(&volume("bent_even"), Params { margin, ..params() }).structures[0].figures[0];
+        let figure = &model_of(&volume("bent_even"), Params { margin, ..params() }).structures[0]
+            .sheets()
+            .next()
+            .expect("a sheet");
         (figure.intrinsic.medial[5 * 20 + 19] - figure.intrinsic.medial[5 * 20]).norm()
     };
     let ratio = extent(0.2) / extent(0.0);

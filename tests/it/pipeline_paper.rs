@@ -1,6 +1,6 @@
 //! `correspondence: "paper"`, on every sample: three embeddings that know nothing of each other.
 
-use medialrep::model::{Figure, Model, Structure};
+use medialrep::model::{Model, Sheet, Structure};
 use medialrep::params::{Correspondence, Params};
 use medialrep::pipeline::PipelineError;
 use medialrep::samples;
@@ -16,8 +16,8 @@ fn paper(name: &str) -> Result<Model, PipelineError> {
 /// Mean and largest relative error of the inner vectors of a sample's only structure.
 fn errors(name: &str, structure: &Structure) -> [f64; 2] {
     let sample = sample(name);
-    let of_figure = |figure: &Figure| vector_errors(&sample.solids()[0], figure);
-    let all: Vec<f64> = structure.figures.iter().flat_map(of_figure).collect();
+    let of_figure = |figure: &Sheet| vector_errors(&sample.solids()[0], figure);
+    let all: Vec<f64> = structure.sheets().flat_map(of_figure).collect();
     [all.iter().sum::<f64>() / all.len() as f64, all.iter().copied().fold(0.0, f64::max)]
 }
 
@@ -30,7 +30,7 @@ fn check_paper(name: &str, sheets: usize, bars: [f64; 2]) {
     let [structure] = &model.structures[..] else { panic!("{name} has one label") };
     assert_eq!(structure.figures.len(), sheets, "{name}");
     check_folds_are_told(structure);
-    for figure in &structure.figures {
+    for figure in structure.sheets() {
         let residual = figure.quality.residual_variance();
         let all = [residual.medial, residual.upper, residual.lower];
         assert!(all.iter().flatten().filter(|r| (0.0..0.05).contains(*r)).count() == 3, "{name}: {all:?}");

@@ -1,11 +1,11 @@
 //! Measures of quality, and how the verdict follows from them.
 
 use medialrep::cancel::Never;
-use medialrep::formats::thickness_json::{self, InputFacts, OuterTimings};
+use medialrep::formats::write::thickness::{self, InputFacts, OuterTimings};
 use medialrep::model::LatticeSize;
-use medialrep::model::node_areas;
 use medialrep::model::{
-    Coverage, DistanceSummary, Distortion, Figure, FigureQuality, Model, Repair, StructureQuality, Verdict,
+    Coverage, DistanceSummary, Distortion, Figure, FigureQuality, LengthSummary, Model, Repair, Sheet,
+    StructureQuality, Verdict,
 };
 use medialrep::params::Params;
 use medialrep::pipeline::draft::Draft;
@@ -21,21 +21,21 @@ use crate::phantoms::{context, deepened, defaults, model_of, painted, params, sa
 
 const SIZE: LatticeSize = LatticeSize { rows: 4, cols: 5 };
 
-fn figure_of(nodes: Nodes) -> Figure {
-    Figure {
+fn figure_of(nodes: Nodes) -> Sheet {
+    Sheet {
         grid: nodes.size,
         medial: nodes.medial,
         upper: nodes.upper,
         lower: nodes.lower,
         crest: nodes.crest,
         valid: nodes.valid,
-        ..Figure::default()
+        ..Sheet::default()
     }
 }
 
 /// Three rows, the second 1 and the third 9 from the first; vectors 1 and 3 long on the first
 /// row, 2 and 3 on the second, 4 and 3 on the third.
-fn uneven() -> Figure {
+fn uneven() -> Sheet {
     let size = LatticeSize { rows: 3, cols: 3 };
     let mut figure = figure_of(flat_slab(size));
     for n in 0..9 {
@@ -48,19 +48,23 @@ fn uneven() -> Figure {
     figure
 }
 
+fn mean(summary: Option<LengthSummary>) -> f64 {
+    summary.expect("an area").mean
+}
+
 #[test]
 fn thickness_is_weighted_by_area_not_by_nodes() {
     let figure = uneven();
-    let areas = node_areas((&figure).into());
+    let areas = figure.node_areas_mm2();
     assert_eq!(areas.iter().sum::<f64>(), 9.0 * 6.0);
     // Half a step on each side of a row: 0.5, 4.5 and 4.
     let expected = (0.5 * 1.0 + 4.5 * 2.0 + 4.0 * 4.0) / 9.0;
     let summary = figure.thickness_summary();
     assert_eq!(summary.area_mm2, 54.0);
-    assert!((summary.upper_mm.mean - expected).abs() < 1e-12);
-    assert!((summary.lower_mm.mean - 3.0).abs() < 1e-12 && summary.lower_mm.sd < 1e-6);
-    assert!((summary.total_mm.mean - expected - 3.0).abs() < 1e-12);
-    let upper = summary.upper_mm;
+    assert!((mean(summary.upper_mm) - expected).abs() < 1e-12);
+    assert!((mean(summary.lower_mm) - 3.0).abs() < 1e-12 && summary.lower_mm.expect("an area").sd < 1e-6);
+    assert!((mean(summary.total_mm) - expected - 3.0).abs() < 1e-12);
+    let upper = summary.upper_mm.expect("an area");
     assert_eq!([upper.p5, upper.p50, upper.p95], [1.0, 2.0, 4.0]);
     let sd = ((0.5 * (1.0 - expected).powi(2) + 4.5 * (2.0 - expected).powi(2) + 4.0 * (4.0 - expected).powi(2)) / 9.0)
         .sqrt();
@@ -70,17 +74,18 @@ fn thickness_is_weighted_by_area_not_by_nodes() {
 #[test]
 fn a_structure_weighs_its_figures_by_area_and_leaves_invalid_nodes_out() {
     let mut structure = model().structures.remove(0);
-    structure.figures = vec![uneven(), figure_of(flat_slab(SIZE))];
-    let [a, b] = [0, 1].map(|f: usize| structure.figures[f].thickness_summary());
+    structure.figures = [uneven(), figure_of(flat_slab(SIZE))].map(Figure::Sheet).to_vec();
+    let [a, b] = [0, 1].map(|f: usize| structure.sheets().nth(f).expect("a sheet").thickness_summary());
     assert_eq!((a.area_mm2, b.area_mm2), (54.0, 72.0));
-    let expected = (54.0 * a.upper_mm.mean + 72.0 * 1.5) / 126.0;
-    assert!((structure.thickness_summary().upper_mm.mean - expected).abs() < 1e-12);
+    let expected = (54.0 * mean(a.upper_mm) + 72.0 * 1.5) / 126.0;
+    assert!((mean(structure.thickness_summary().upper_mm) - expected).abs() < 1e-12);
     // A corner taken out takes its quad along.
     structure.figures.truncate(1);
-    structure.figures[0].valid[0] = false;
+    let Figure::Sheet(sheet) = &mut structure.figures[0];
+    sheet.valid[0] = false;
     assert_eq!(structure.thickness_summary().area_mm2, 54.0 - 3.0);
     structure.figures.clear();
-    assert!(structure.thickness_summary().upper_mm.mean.is_nan());
+    assert_eq!(structure.thickness_summary().upper_mm, None);
 }
 
 #[test]
@@ -183,7 +188,7 @@ fn each_sheet_of_a_tee_is_measured_against_its_share_of_the_mask() {
     let model = model_of(&volume("tee"), params());
     let structure = &model.structures[0];
     assert_eq!(structure.figures.len(), 3);
-    for figure in &structure.figures {
+    for figure in structure.sheets() {
         let Coverage { dice, covered_share, .. } = figure.quality.coverage;
         assert!(dice > 0.6 && dice <= 1.0 && covered_share > 0.4, "{:?}", figure.quality.coverage);
     }
@@ -204,8 +209,8 @@ fn an_unrepaired_figure_had_its_folds_before() {
 
 fn written(model: &Model) -> Value {
     let mut bytes = Vec::new();
-    let input = InputFacts { sha256: String::new(), format: "nifti1" };
-    thickness_json::write(model, &input, &[], OuterTimings::default(), &mut bytes).unwrap();
+    let input = InputFacts { sha256: String::new(), format: "nifti1".to_owned() };
+    thickness::write(model, &input, &[], OuterTimings::default(), &mut bytes).unwrap();
     serde_json::from_slice(&bytes).unwrap()
 }
 

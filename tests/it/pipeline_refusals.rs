@@ -92,7 +92,7 @@ fn the_resolution_that_a_thin_plate_is_told_does() {
         run_of(&plate(resolution_mm), params()),
         run_of(&plate(1.0), Params { resolution_mm: Some(resolution_mm), ..params() }),
     ] {
-        let figure = done.expect("fine enough now").structures.remove(0).figures.remove(0);
+        let figure = first_sheet(&done.expect("fine enough now"));
         let total =
             |n: usize| (figure.upper[n] - figure.medial[n]).norm() + (figure.lower[n] - figure.medial[n]).norm();
         let middle = 6 * 20 + 10;

@@ -23,7 +23,7 @@ fn check_single_sheet(name: &str, spacing_mm: [f64; 3], bars: &Bars) {
     check_invariants(&model);
     let structure = &model.structures[0];
     assert_eq!(structure.figures.len(), 1, "{name} is one sheet");
-    let figure = &structure.figures[0];
+    let figure = structure.sheets().next().expect("a sheet");
     let medial = rms(figure.medial.iter().map(|p| shape.to_sheet_mm(*p)));
     let skin = rms(figure.upper.iter().chain(&figure.lower).map(|p| shape.signed_mm(*p)));
     let radius =
@@ -124,7 +124,8 @@ fn the_same_solid_on_a_turned_grid_gives_the_same_nodes() {
     for name in ["bent_even", "half_bent", "twisted"] {
         let turned = sample(name).voxelise([1.0; 3], turned()).expect("fits");
         let (a, b) = (model_of(&volume(name), params()), model_of(&turned, params()));
-        let drift = drift(&a.structures[0].figures[0], &b.structures[0].figures[0]);
+        let drift =
+            drift(a.structures[0].sheets().next().expect("a sheet"), b.structures[0].sheets().next().expect("a sheet"));
         assert!(drift <= 1.0, "{name} drifts by {drift:.2} voxels");
     }
 }
@@ -154,7 +155,8 @@ fn restored(volume: &LabelVolume) -> LabelVolume {
 fn permuted_and_mirrored_storage_gives_the_same_nodes() {
     let plain = volume("leaf");
     let (a, b) = (model_of(&plain, params()), model_of(&restored(&plain), params()));
-    let drift = drift(&a.structures[0].figures[0], &b.structures[0].figures[0]);
+    let drift =
+        drift(a.structures[0].sheets().next().expect("a sheet"), b.structures[0].sheets().next().expect("a sheet"));
     assert!(drift <= 0.5, "drift {drift:.3} voxels");
 }
 
@@ -171,7 +173,7 @@ fn every_thread_count_gives_the_same_result() {
         assert_eq!(one.structures.len(), structures);
         for (a, b) in one.structures.iter().zip(&three.structures) {
             assert_eq!((&a.quality, &a.object.positions), (&b.quality, &b.object.positions));
-            for (f, g) in a.figures.iter().zip(&b.figures) {
+            for (f, g) in a.sheets().zip(b.sheets()) {
                 assert_eq!((&f.medial, &f.upper, &f.lower, &f.crest), (&g.medial, &g.upper, &g.lower, &g.crest));
                 assert_eq!(f.points, g.points);
             }

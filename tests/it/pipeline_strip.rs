@@ -103,7 +103,7 @@ fn an_organ_keeps_its_tail() {
         u16::from(body < 1.0 || (tail < 1.0 && (30.0..60.0).contains(&x)))
     });
     let model = model_of(&volume, params());
-    let figure = &model.structures[0].figures[0];
+    let figure = model.structures[0].sheets().next().expect("a sheet");
     let reached = figure.medial.iter().map(|p| p.x).fold(0.0, f64::max);
     // The body ends at 37 mm, the sheet's own points at 54 mm.
     assert!(reached > 50.0, "the lattice ends at {reached:.1} mm");

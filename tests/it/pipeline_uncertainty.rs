@@ -4,7 +4,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use medialrep::cancel::{Cancel, Cancelled};
-use medialrep::model::Figure;
+use medialrep::model::Sheet;
 use medialrep::model::Stage;
 use medialrep::params::{GridChoice, Params};
 use medialrep::pipeline::observer::Observer;
@@ -39,15 +39,15 @@ fn on_grid(shape: Shape, rotation: Rotation3<f64>, phase: [f64; 3]) -> LabelVolu
     counted(indices, WorldFromVoxel::from_rows(rows).expect("a rotation"))
 }
 
-fn figure_of(volume: &LabelVolume, params: Params) -> Figure {
-    model_of(volume, params).structures.remove(0).figures.remove(0)
+fn figure_of(volume: &LabelVolume, params: Params) -> Sheet {
+    first_sheet(&model_of(volume, params))
 }
 
 fn with_repeats(repeats: usize) -> Params {
     Params { uncertainty: repeats, ..params() }
 }
 
-fn totals(figure: &Figure) -> Vec<f64> {
+fn totals(figure: &Sheet) -> Vec<f64> {
     figure.upper_vectors().iter().zip(figure.lower_vectors()).map(|(u, l)| u.norm() + l.norm()).collect()
 }
 

@@ -15,7 +15,8 @@ use medialrep::http::web::{Page, PageFile};
 use medialrep::http::{router, router_with_page};
 use medialrep::jobs::limits::JobLimits;
 use medialrep::jobs::place::Place;
-use medialrep::jobs::process::{Artifact, ProcessError, Processed};
+use medialrep::jobs::outcome::{Processed, WrittenFile};
+use medialrep::jobs::process::ProcessError;
 use medialrep::jobs::service::Jobs;
 use medialrep::jobs::worker::{Processor, Workers};
 use medialrep::model::{Stage, Warning};
@@ -253,11 +254,11 @@ pub fn writes() -> Processor {
             let content = content(name);
             std::fs::write(out.join(name), &content).unwrap();
             let sha256 = Sha256::digest(&content).iter().map(|byte| format!("{byte:02x}")).collect();
-            Artifact { name, media_type, bytes: content.len() as u64, sha256 }
+            WrittenFile { name, media_type, bytes: content.len() as u64, sha256 }
         });
-        let warning = Warning { code: "thin", message: "a place is thin".to_owned() };
+        let warning = Warning { code: "thin".into(), message: "a place is thin".to_owned() };
         Ok(Processed {
-            artifacts: artifacts.to_vec(),
+            files: artifacts.to_vec(),
             warnings: vec![warning],
             stage_seconds: vec![(Stage::Isomap, 0.5)],
             structures: Vec::new(),

@@ -1,6 +1,6 @@
 //! What is measured of a result. Nothing that the program says of its nodes is believed but the overlap.
 
-use medialrep::model::{Figure, Model};
+use medialrep::model::{Model, Sheet};
 use medialrep::pipeline::PipelineError;
 use medialrep::samples::{Sample, Solid, by_name};
 use medialrep::space::{WorldPoint, WorldVector};
@@ -86,10 +86,10 @@ pub fn measured(shape: &Shape) -> Vec<Outcome> {
 
 fn accuracy(sample: &Sample, model: &Model, voxel_mm: f64) -> Accuracy {
     let (solid, structure) = (&sample.solids()[0], &model.structures[0]);
-    let figures = &structure.figures;
+    let sheets: Vec<&Sheet> = structure.sheets().collect();
     let (mut medial, mut skin, mut radius, mut vector) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let (mut folds, mut corners) = (0, 0);
-    for figure in figures {
+    for &figure in &sheets {
         medial.extend(figure.medial.iter().map(|p| solid.to_sheet_mm(*p) / voxel_mm));
         skin.extend(figure.upper.iter().chain(&figure.lower).map(|p| solid.signed_mm(*p) / voxel_mm));
         radius.extend(figure.medial.iter().zip(&figure.medial_radius_mm).map(|(p, r)| r / solid.radius_mm(*p) - 1.0));
@@ -100,7 +100,7 @@ fn accuracy(sample: &Sample, model: &Model, voxel_mm: f64) -> Accuracy {
     }
     let is_single = solid.sheets() == 1;
     Accuracy {
-        sheets: figures.len(),
+        sheets: sheets.len(),
         medial: rounded(rms(medial)),
         skin: rounded(rms(skin)),
         radius: is_single.then(|| rounded(rms(radius))),
@@ -119,7 +119,7 @@ fn rounded(x: f64) -> f64 {
 }
 
 /// Relative errors of the lengths of both vectors of the inner nodes.
-pub fn vector_errors(solid: &Solid, figure: &Figure) -> Vec<f64> {
+pub fn vector_errors(solid: &Solid, figure: &Sheet) -> Vec<f64> {
     let (rows, cols) = (figure.grid.rows, figure.grid.cols);
     let mut errors = Vec::new();
     for i in rows / 4..rows - rows / 4 {
@@ -136,7 +136,7 @@ pub fn vector_errors(solid: &Solid, figure: &Figure) -> Vec<f64> {
 
 /// Corners of the cells of a figure that are turned over, and all of them. The right sign is that of the most,
 /// with the lower side counted the other way round.
-pub fn folded_corners(figure: &Figure) -> (usize, usize) {
+pub fn folded_corners(figure: &Sheet) -> (usize, usize) {
     let (mut positive, mut negative, mut all) = (0, 0, 0);
     for (skin, sign) in [(&figure.upper, 1.0), (&figure.lower, -1.0)] {
         for i in 0..figure.grid.rows - 1 {
@@ -153,7 +153,7 @@ pub fn folded_corners(figure: &Figure) -> (usize, usize) {
 }
 
 /// Signed volumes that the edges span at the eight corners of a cell; none with an invalid node.
-fn corner_volumes(figure: &Figure, skin: &[WorldPoint], i: usize, j: usize) -> Vec<f64> {
+fn corner_volumes(figure: &Sheet, skin: &[WorldPoint], i: usize, j: usize) -> Vec<f64> {
     let node = |di: usize, dj: usize| (i + di) * figure.grid.cols + j + dj;
     let corners = [(0, 0), (0, 1), (1, 0), (1, 1)];
     if corners.iter().any(|&(di, dj)| !figure.valid[node(di, dj)]) {
@@ -174,7 +174,7 @@ fn corner_volumes(figure: &Figure, skin: &[WorldPoint], i: usize, j: usize) -> V
 /// Mean distance of the sheets of one result from those of another that come nearest, mm. `None` when they are
 /// not as many.
 pub fn drift(one: &Model, other: &Model) -> Option<f64> {
-    let [one, other] = [one, other].map(|model| &model.structures[0].figures);
+    let [one, other] = [one, other].map(|model| model.structures[0].sheets().collect::<Vec<_>>());
     if one.len() != other.len() {
         return None;
     }
@@ -183,7 +183,7 @@ pub fn drift(one: &Model, other: &Model) -> Option<f64> {
 }
 
 /// Root mean square distance between the nodes of two figures, mm.
-pub fn figure_drift(a: &Figure, b: &Figure) -> f64 {
+pub fn figure_drift(a: &Sheet, b: &Sheet) -> f64 {
     let mut distances = Vec::new();
     for (from, to) in [(&a.medial, &b.medial), (&a.upper, &b.upper), (&a.lower, &b.lower)] {
         distances.extend(from.iter().zip(to).map(|(p, q)| (p - q).norm()));

@@ -33,9 +33,9 @@ use tokio::runtime::Handle;
 use super::KeptFiles;
 use crate::formats::hex;
 use crate::jobs::blocking::on_own_thread;
+use crate::jobs::drafts::sha256_of_file;
 use crate::jobs::job::{Job, JobId, ResultFile};
 use crate::jobs::make_private;
-use crate::jobs::drafts::sha256_of_file;
 
 const SCRATCH: &str = "scratch";
 const MASKS: &str = "masks";

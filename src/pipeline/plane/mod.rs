@@ -132,8 +132,12 @@ fn refused(error: EmbeddingError, embedding: Embedding, sheet: &SheetSides, voxe
     let refusal = match error {
         EmbeddingError::Cancelled(stop) => return stop.into(),
         EmbeddingError::TooFewPoints { points } => Refusal::TooSmall { points, needed: MIN_SHEET_POINTS },
-        EmbeddingError::TooManyPoints { points, limit } => Refusal::TooManyPoints { method: method.into(), points, limit },
-        EmbeddingError::NoEigenvectors(reason) => Refusal::NoEmbedding { method: method.into(), reason: reason.to_string() },
+        EmbeddingError::TooManyPoints { points, limit } => {
+            Refusal::TooManyPoints { method: method.into(), points, limit }
+        }
+        EmbeddingError::NoEigenvectors(reason) => {
+            Refusal::NoEmbedding { method: method.into(), reason: reason.to_string() }
+        }
         EmbeddingError::NoPlane => {
             let from = sheet.medial.positions[0];
             let length = sheet.medial.positions.iter().map(|p| (p - from).norm()).fold(0.0, f64::max);

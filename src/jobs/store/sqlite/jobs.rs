@@ -121,7 +121,8 @@ impl JobStore for SqliteStore {
     async fn add_result(&self, id: JobId, token: &str, file: &ResultFile) -> Result<bool, StoreError> {
         let mut transaction = self.write().await?;
         let job = find(&mut *transaction, id).await?;
-        let Some(mut job) = job.filter(|job| job.are_results_kept && job.results_token.as_deref() == Some(token)) else {
+        let Some(mut job) = job.filter(|job| job.are_results_kept && job.results_token.as_deref() == Some(token))
+        else {
             return Ok(false);
         };
         if !job.has_result(&file.name) {
