@@ -5,6 +5,7 @@ use std::path::Path;
 
 use flate2::Compression;
 use flate2::write::GzEncoder;
+use medialrep::params::{Given, PARAMS, Shape};
 
 use crate::nifti_bytes::{Nifti, gzip};
 
@@ -73,18 +74,39 @@ fn stored(datatype: i16) -> Vec<u8> {
     }
 }
 
-/// Every parameter in every form.
+/// Every parameter in every form, and all at once.
 pub fn params() -> Vec<Vec<u8>> {
-    let texts = [
-        "{}",
-        r#"{"labels":[11,-3],"grid":"auto","spacing_mm":2.5,"neighbors":{"k":12},"landmarks":"all"}"#,
-        r#"{"grid":{"rows":4,"cols":9},"neighbors":{"epsilon_mm":4.0},"landmarks":60,"prune":0.25}"#,
-        r#"{"labels":null,"margin":0.05,"lattice":"regular","correspondence":"paper","prune":"auto"}"#,
-        r#"{"lattice":"fitted","correspondence":"anchored","max_figures":3,"resolution_mm":1e0,"uncertainty":16}"#,
-        r#"{"max_figures":null,"resolution_mm":null,"spacing_mm":null,"neighbors":"auto","landmarks":"auto"}"#,
-        r#"{"margin":"\u00e9\n","labels":[[true,false,null]]}"#,
-    ];
-    texts.map(|text| text.as_bytes().to_vec()).to_vec()
+    let mut texts = vec!["{}".to_owned(), r#"{"margin":"\u00e9\n","labels":[[true,false,null]]}"#.to_owned()];
+    let mut all = Vec::new();
+    for param in PARAMS {
+        let values: Vec<String> = param.shapes.iter().flat_map(values).collect();
+        for value in &values {
+            texts.push(format!("{{\"{}\":{value}}}", param.name));
+        }
+        if param.default_value() == Given::Nothing {
+            texts.push(format!("{{\"{}\":null}}", param.name));
+        }
+        // The last: a spacing goes with the automatic grid only.
+        all.push(format!("\"{}\":{}", param.name, values.last().unwrap()));
+    }
+    texts.push(format!("{{{}}}", all.join(",")));
+    texts.into_iter().map(String::into_bytes).collect()
+}
+
+/// The words and the ends of a shape, as JSON.
+fn values(shape: &Shape) -> Vec<String> {
+    match shape {
+        Shape::Words(words) => words.iter().map(|word| format!("\"{word}\"")).collect(),
+        Shape::Count(range) => vec![range.start().to_string(), range.end().to_string()],
+        Shape::Number(range) => vec![format!("{:e}", range.start()), range.end().to_string()],
+        Shape::Label => vec!["11".to_owned(), "-3".to_owned()],
+        Shape::Fields(fields) => {
+            let low = fields.iter().map(|(name, part)| format!("\"{name}\":{}", values(part)[0]));
+            vec![format!("{{{}}}", low.collect::<Vec<_>>().join(","))]
+        }
+        Shape::List { of, .. } => vec![format!("[{}]", values(of).join(","))],
+        Shape::Texts { .. } => vec![r#"{"11":"left caudate","-3":" \u00e9"}"#.to_owned()],
+    }
 }
 
 /// Forms with the boundary `X`, good and nearly so.
