@@ -44,9 +44,9 @@ pub fn nifti() -> Vec<Vec<u8>> {
     files.push([gzip(&plain[..100]), gzip(&plain[100..])].concat());
     files.push([gzip(&plain), vec![0; 20]].concat());
     // As many voxels as are allowed, and one row more.
-    for rows in [256, 257] {
+    for (rows, voxels) in [(256, 256 * 256), (257, 256 * 257)] {
         let dim = [2, 256, rows, 1, 1, 1, 1, 1];
-        files.push(gzip(&Nifti { dim, voxels: vec![1; 256 * rows as usize], ..Nifti::small(1) }.bytes()));
+        files.push(gzip(&Nifti { dim, voxels: vec![1; voxels], ..Nifti::small(1) }.bytes()));
     }
     // One byte more than is tolerated after the voxels, and than may come out of gzip.
     files.push(with_zeros(&plain, (1 << 20) + 1));

@@ -132,7 +132,8 @@ fn number(field: &str, given: &Given, range: &RangeInclusive<f64>) -> Result<(),
     if range.contains(&value) { Ok(()) } else { Err(wrong(field, given, to(range))) }
 }
 
-/// Checks an object against those of the shapes that are objects.
+/// Checks an object against those of the shapes that are objects: the one whose names it has, or else the
+/// only one, to say which name is lacking.
 fn object(field: &str, shapes: &[Shape], given: &Given, entries: &[(String, Given)]) -> Result<(), ParamsError> {
     let mut objects = Vec::new();
     for shape in shapes {
@@ -142,10 +143,7 @@ fn object(field: &str, shapes: &[Shape], given: &Given, entries: &[(String, Give
     }
     let known = objects.iter().flat_map(|fields| fields.iter().map(|(name, _)| *name));
     only_known(&format!("{field}."), entries.iter().map(|(name, _)| name), known)?;
-    let is_whole = |fields: &&&[(&str, Shape)]| {
-        fields.len() == entries.len() && fields.iter().all(|(name, _)| given.part(name).is_some())
-    };
-    let fields = match (objects.iter().find(is_whole), &objects[..]) {
+    let fields = match (objects.iter().find(|fields| has_all(given, fields, entries.len())), &objects[..]) {
         (Some(fields), _) => *fields,
         (None, [only]) => *only,
         _ => return Err(wrong(field, given, phrase(shapes))),
@@ -158,6 +156,11 @@ fn object(field: &str, shapes: &[Shape], given: &Given, entries: &[(String, Give
         }
     }
     Ok(())
+}
+
+/// Whether an object of `count` values has all fields and nothing else.
+fn has_all(given: &Given, fields: &[(&str, Shape)], count: usize) -> bool {
+    fields.len() == count && fields.iter().all(|(name, _)| given.part(name).is_some())
 }
 
 fn each_once(field: &str, list: &Shape, of: &Shape, entries: &[Given]) -> Result<(), ParamsError> {
