@@ -5,6 +5,7 @@ use std::path::Path;
 
 use flate2::Compression;
 use flate2::write::GzEncoder;
+use medialrep::params::{Given, PARAMS, Shape};
 
 use crate::nifti_bytes::{Nifti, gzip};
 
@@ -43,9 +44,9 @@ pub fn nifti() -> Vec<Vec<u8>> {
     files.push([gzip(&plain[..100]), gzip(&plain[100..])].concat());
     files.push([gzip(&plain), vec![0; 20]].concat());
     // As many voxels as are allowed, and one row more.
-    for rows in [256, 257] {
+    for (rows, voxels) in [(256, 256 * 256), (257, 256 * 257)] {
         let dim = [2, 256, rows, 1, 1, 1, 1, 1];
-        files.push(gzip(&Nifti { dim, voxels: vec![1; 256 * rows as usize], ..Nifti::small(1) }.bytes()));
+        files.push(gzip(&Nifti { dim, voxels: vec![1; voxels], ..Nifti::small(1) }.bytes()));
     }
     // One byte more than is tolerated after the voxels, and than may come out of gzip.
     files.push(with_zeros(&plain, (1 << 20) + 1));
@@ -73,18 +74,39 @@ fn stored(datatype: i16) -> Vec<u8> {
     }
 }
 
-/// Every parameter in every form.
+/// Every parameter in every form, and all at once.
 pub fn params() -> Vec<Vec<u8>> {
-    let texts = [
-        "{}",
-        r#"{"labels":[11,-3],"grid":"auto","spacing_mm":2.5,"neighbors":{"k":12},"landmarks":"all"}"#,
-        r#"{"grid":{"rows":4,"cols":9},"neighbors":{"epsilon_mm":4.0},"landmarks":60,"prune":0.25}"#,
-        r#"{"labels":null,"margin":0.05,"lattice":"regular","correspondence":"paper","prune":"auto"}"#,
-        r#"{"lattice":"fitted","correspondence":"anchored","max_figures":3,"resolution_mm":1e0,"uncertainty":16}"#,
-        r#"{"max_figures":null,"resolution_mm":null,"spacing_mm":null,"neighbors":"auto","landmarks":"auto"}"#,
-        r#"{"margin":"\u00e9\n","labels":[[true,false,null]]}"#,
-    ];
-    texts.map(|text| text.as_bytes().to_vec()).to_vec()
+    let mut texts = vec!["{}".to_owned(), r#"{"margin":"\u00e9\n","labels":[[true,false,null]]}"#.to_owned()];
+    let mut all = Vec::new();
+    for param in PARAMS {
+        let values: Vec<String> = param.shapes.iter().flat_map(values).collect();
+        for value in &values {
+            texts.push(format!("{{\"{}\":{value}}}", param.name));
+        }
+        if param.default_value() == Given::Nothing {
+            texts.push(format!("{{\"{}\":null}}", param.name));
+        }
+        // The last: a spacing goes with the automatic grid only.
+        all.push(format!("\"{}\":{}", param.name, values.last().unwrap()));
+    }
+    texts.push(format!("{{{}}}", all.join(",")));
+    texts.into_iter().map(String::into_bytes).collect()
+}
+
+/// The words and the ends of a shape, as JSON.
+fn values(shape: &Shape) -> Vec<String> {
+    match shape {
+        Shape::Words(words) => words.iter().map(|word| format!("\"{word}\"")).collect(),
+        Shape::Count(range) => vec![range.start().to_string(), range.end().to_string()],
+        Shape::Number(range) => vec![format!("{:e}", range.start()), range.end().to_string()],
+        Shape::Label => vec!["11".to_owned(), "-3".to_owned()],
+        Shape::Fields(fields) => {
+            let low = fields.iter().map(|(name, part)| format!("\"{name}\":{}", values(part)[0]));
+            vec![format!("{{{}}}", low.collect::<Vec<_>>().join(","))]
+        }
+        Shape::List { of, .. } => vec![format!("[{}]", values(of).join(","))],
+        Shape::Texts { .. } => vec![r#"{"11":"left caudate","-3":" \u00e9"}"#.to_owned()],
+    }
 }
 
 /// Forms with the boundary `X`, good and nearly so.

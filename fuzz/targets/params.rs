@@ -17,7 +17,7 @@ mod seeds;
 
 /// Texts of refusals, and the parameters as JSON.
 const FIXED: usize = 1 << 16;
-/// A value of two bytes (`1,`) takes 72 in memory, and again while its list grows.
+/// A value of two bytes (`1,`) takes 32 in memory, and twice as many again while its list grows.
 const PER_BYTE: usize = 160;
 
 fuzz_target!(init: seeds::write(&seeds::params()), |bytes: &[u8]| {

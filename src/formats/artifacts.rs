@@ -58,3 +58,16 @@ pub fn by_name(name: &str) -> Option<&'static Artifact> {
     const ALL: &[Artifact] = &ARTIFACTS;
     ALL.iter().find(|artifact| artifact.name == name)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::params::{ARTIFACT_NAMES, Params};
+
+    #[test]
+    fn the_parameter_that_asks_for_artifacts_knows_all_of_them() {
+        assert_eq!(ARTIFACTS.map(|artifact| artifact.name), ARTIFACT_NAMES);
+        let default: Vec<_> = ARTIFACTS.iter().filter(|artifact| artifact.is_default).map(|own| own.name).collect();
+        assert_eq!(Params::default().outputs, default);
+    }
+}

@@ -1,35 +1,16 @@
-//! Parameters as JSON: strict in, complete out.
+//! Parameters as JSON: strict in, complete out. What there are, and what each takes, stands in
+//! [`crate::params::PARAMS`].
 
+use std::collections::BTreeSet;
 use std::fmt;
 
 use serde::de::{Deserialize, Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
-use serde_json::{Map, Value, json};
+use serde_json::{Map, Number, Value};
 
-use crate::params::{
-    CheckedParams, Correspondence, GridChoice, LABEL_COUNT, Landmarks, LatticeKind, Neighbors, Params, ParamsError,
-    Prune,
-};
+use crate::params::{CheckedParams, Given, PARAMS, Params, ParamsError, echo};
 
-/// Longest text accepted: a thousand labels take 20 kB.
+/// Longest text accepted: a thousand labels take 20 kB, with names of 40 letters 50 kB more.
 pub const MAX_BYTES: usize = 1 << 16;
-/// Characters of a wrong value repeated in the error.
-const MAX_ECHO: usize = 60;
-
-/// Every parameter's name, in the order of the contract.
-pub const NAMES: [&str; 12] = [
-    "labels",
-    "grid",
-    "spacing_mm",
-    "margin",
-    "neighbors",
-    "landmarks",
-    "lattice",
-    "correspondence",
-    "prune",
-    "max_figures",
-    "resolution_mm",
-    "uncertainty",
-];
 
 /// Why a text holds no parameters.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -54,207 +35,45 @@ pub fn parse(text: &[u8]) -> Result<CheckedParams, ParamsJsonError> {
     if text.len() > MAX_BYTES {
         return Err(syntax(format!("{} bytes, at most {MAX_BYTES} are read", text.len())));
     }
-    let Strict(value) = serde_json::from_slice(text).map_err(|error| syntax(error.to_string()))?;
-    let Value::Object(fields) = value else {
-        return Err(syntax("it must be an object".to_owned()));
-    };
-    Ok(from_fields(&fields)?.check()?)
-}
-
-fn from_fields(fields: &Map<String, Value>) -> Result<Params, ParamsError> {
-    only_known("", fields, &NAMES)?;
-    let mut params = Params::default();
-    for (name, value) in fields {
-        set(&mut params, name, value)?;
+    match serde_json::from_slice(text) {
+        Ok(Strict(Given::Object(fields))) => Ok(Params::read(&fields)?),
+        Ok(_) => Err(syntax("it must be an object".to_owned())),
+        Err(error) => Err(syntax(error.to_string())),
     }
-    Ok(params)
-}
-
-fn set(params: &mut Params, name: &str, value: &Value) -> Result<(), ParamsError> {
-    match name {
-        "labels" => params.labels = optional(value, labels)?,
-        "grid" => params.grid = grid(value)?,
-        "spacing_mm" => params.spacing_mm = optional(value, |v| number("spacing_mm", v))?,
-        "margin" => params.margin = number("margin", value)?,
-        "neighbors" => params.neighbors = neighbors(value)?,
-        "landmarks" => params.landmarks = landmarks(value)?,
-        "lattice" => params.lattice = lattice(value)?,
-        "correspondence" => params.correspondence = correspondence(value)?,
-        "prune" => params.prune = prune(value)?,
-        "max_figures" => params.max_figures = optional(value, |v| count("max_figures", v))?,
-        "resolution_mm" => params.resolution_mm = optional(value, |v| number("resolution_mm", v))?,
-        "uncertainty" => params.uncertainty = count("uncertainty", value)?,
-        _ => {}
-    }
-    Ok(())
-}
-
-/// `null` means the default of a parameter that has none.
-fn optional<T>(value: &Value, read: impl Fn(&Value) -> Result<T, ParamsError>) -> Result<Option<T>, ParamsError> {
-    if value.is_null() { Ok(None) } else { read(value).map(Some) }
-}
-
-fn labels(value: &Value) -> Result<Vec<i64>, ParamsError> {
-    let wrong = |value: &Value| wrong("labels", value, "a list of whole numbers, each once");
-    let entries = value.as_array().ok_or_else(|| wrong(value))?;
-    let mut labels = Vec::new();
-    for entry in entries {
-        let label = entry.as_i64().ok_or_else(|| wrong(entry))?;
-        // More than are allowed are refused for their number; comparing them all would take long.
-        if labels.len() <= *LABEL_COUNT.end() && labels.contains(&label) {
-            return Err(wrong(entry));
-        }
-        labels.push(label);
-    }
-    Ok(labels)
-}
-
-fn grid(value: &Value) -> Result<GridChoice, ParamsError> {
-    const ALLOWED: &str = "{\"rows\": n, \"cols\": m} or \"auto\"";
-    match value {
-        Value::String(text) if text == "auto" => Ok(GridChoice::Auto),
-        Value::Object(fields) => {
-            only_known("grid.", fields, &["rows", "cols"])?;
-            let side = |name: &'static str, key: &str| match fields.get(key) {
-                Some(value) => count(name, value),
-                None => Err(wrong(name, &Value::Null, ALLOWED)),
-            };
-            Ok(GridChoice::Fixed { rows: side("grid.rows", "rows")?, cols: side("grid.cols", "cols")? })
-        }
-        _ => Err(wrong("grid", value, ALLOWED)),
-    }
-}
-
-fn neighbors(value: &Value) -> Result<Neighbors, ParamsError> {
-    const ALLOWED: &str = "\"auto\", {\"k\": n} or {\"epsilon_mm\": x}";
-    match value {
-        Value::String(text) if text == "auto" => Ok(Neighbors::Auto),
-        Value::Object(fields) => {
-            only_known("neighbors.", fields, &["k", "epsilon_mm"])?;
-            match (fields.get("k"), fields.get("epsilon_mm")) {
-                (Some(k), None) => Ok(Neighbors::Count(count("neighbors.k", k)?)),
-                (None, Some(radius)) => Ok(Neighbors::RadiusMm(number("neighbors.epsilon_mm", radius)?)),
-                _ => Err(wrong("neighbors", value, ALLOWED)),
-            }
-        }
-        _ => Err(wrong("neighbors", value, ALLOWED)),
-    }
-}
-
-fn landmarks(value: &Value) -> Result<Landmarks, ParamsError> {
-    match value.as_str() {
-        Some("auto") => Ok(Landmarks::Auto),
-        Some("all") => Ok(Landmarks::All),
-        Some(_) => Err(wrong("landmarks", value, "\"auto\", \"all\" or a whole number")),
-        None => count("landmarks", value).map(Landmarks::Count),
-    }
-}
-
-fn lattice(value: &Value) -> Result<LatticeKind, ParamsError> {
-    match value.as_str() {
-        Some("fitted") => Ok(LatticeKind::Fitted),
-        Some("regular") => Ok(LatticeKind::Regular),
-        _ => Err(wrong("lattice", value, "\"fitted\" or \"regular\"")),
-    }
-}
-
-fn correspondence(value: &Value) -> Result<Correspondence, ParamsError> {
-    match value.as_str() {
-        Some("paper") => Ok(Correspondence::Paper),
-        Some("anchored") => Ok(Correspondence::Anchored),
-        _ => Err(wrong("correspondence", value, "\"anchored\" or \"paper\"")),
-    }
-}
-
-fn prune(value: &Value) -> Result<Prune, ParamsError> {
-    match value {
-        Value::String(text) if text == "auto" => Ok(Prune::Auto),
-        Value::Number(_) => number("prune", value).map(Prune::Strength),
-        _ => Err(wrong("prune", value, "\"auto\" or a number from 0 to 1")),
-    }
-}
-
-fn number(field: &'static str, value: &Value) -> Result<f64, ParamsError> {
-    value.as_f64().ok_or_else(|| wrong(field, value, "a number"))
-}
-
-fn count(field: &'static str, value: &Value) -> Result<usize, ParamsError> {
-    let count = value.as_u64().and_then(|n| usize::try_from(n).ok());
-    count.ok_or_else(|| wrong(field, value, "a whole number"))
-}
-
-fn only_known(prefix: &str, fields: &Map<String, Value>, known: &[&str]) -> Result<(), ParamsError> {
-    match fields.keys().find(|name| !known.contains(&name.as_str())) {
-        None => Ok(()),
-        Some(name) => Err(ParamsError {
-            field: format!("{prefix}{}", echo(name)).into(),
-            got: "an unknown name".to_owned(),
-            allowed: known.join(", "),
-        }),
-    }
-}
-
-fn wrong(field: &'static str, value: &Value, allowed: &str) -> ParamsError {
-    let got = if value.is_null() { "nothing".to_owned() } else { echo(&value.to_string()) };
-    ParamsError { field: field.into(), got, allowed: allowed.to_owned() }
-}
-
-/// The start of a text, without control characters: it ends up in a terminal.
-fn echo(text: &str) -> String {
-    let mut short: String = text.chars().filter(|c| !c.is_control()).take(MAX_ECHO).collect();
-    if text.chars().nth(MAX_ECHO).is_some() {
-        short.push('…');
-    }
-    short
 }
 
 /// All parameters, defaults too; [`parse`] reads it back to the same.
 #[must_use]
 pub fn params_to_json(params: &CheckedParams) -> Value {
-    let grid = match params.grid {
-        GridChoice::Fixed { rows, cols } => json!({"rows": rows, "cols": cols}),
-        GridChoice::Auto => json!("auto"),
-    };
-    let neighbors = match params.neighbors {
-        Neighbors::Auto => json!("auto"),
-        Neighbors::Count(k) => json!({"k": k}),
-        Neighbors::RadiusMm(radius) => json!({"epsilon_mm": radius}),
-    };
-    let landmarks = match params.landmarks {
-        Landmarks::Auto => json!("auto"),
-        Landmarks::All => json!("all"),
-        Landmarks::Count(count) => json!(count),
-    };
-    let lattice = match params.lattice {
-        LatticeKind::Fitted => "fitted",
-        LatticeKind::Regular => "regular",
-    };
-    let correspondence = match params.correspondence {
-        Correspondence::Anchored => "anchored",
-        Correspondence::Paper => "paper",
-    };
-    let prune = match params.prune {
-        Prune::Auto => json!("auto"),
-        Prune::Strength(strength) => json!(strength),
-    };
-    json!({
-        "labels": params.labels,
-        "grid": grid,
-        "spacing_mm": params.spacing_mm,
-        "margin": params.margin,
-        "neighbors": neighbors,
-        "landmarks": landmarks,
-        "lattice": lattice,
-        "correspondence": correspondence,
-        "prune": prune,
-        "max_figures": params.max_figures,
-        "resolution_mm": params.resolution_mm,
-        "uncertainty": params.uncertainty,
-    })
+    let mut object = Map::new();
+    for param in PARAMS {
+        object.insert(param.name.to_owned(), given_to_json(&param.get(params)));
+    }
+    object.into()
 }
 
-/// A JSON value in which no object has a name twice.
-struct Strict(Value);
+/// A given value as JSON.
+#[must_use]
+pub fn given_to_json(given: &Given) -> Value {
+    match given {
+        Given::Nothing => Value::Null,
+        Given::Flag(flag) => Value::Bool(*flag),
+        Given::Whole(whole) => Number::from_i128(*whole).map_or(Value::Null, Value::Number),
+        Given::Number(number) => Value::from(*number),
+        Given::Text(text) => Value::from(text.as_str()),
+        Given::List(entries) => entries.iter().map(given_to_json).collect(),
+        Given::Object(entries) => {
+            let mut object = Map::new();
+            for (name, value) in entries {
+                object.insert(name.clone(), given_to_json(value));
+            }
+            object.into()
+        }
+    }
+}
+
+/// A value read from JSON in which no object has a name twice.
+struct Strict(Given);
 
 impl<'de> Deserialize<'de> for Strict {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
@@ -265,53 +84,54 @@ impl<'de> Deserialize<'de> for Strict {
 struct StrictVisitor;
 
 impl<'de> Visitor<'de> for StrictVisitor {
-    type Value = Value;
+    type Value = Given;
 
     fn expecting(&self, formatter: &mut fmt::Formatter) -> fmt::Result {
         formatter.write_str("JSON")
     }
 
-    fn visit_bool<E>(self, value: bool) -> Result<Value, E> {
-        Ok(value.into())
+    fn visit_bool<E>(self, value: bool) -> Result<Given, E> {
+        Ok(Given::Flag(value))
     }
 
-    fn visit_i64<E>(self, value: i64) -> Result<Value, E> {
-        Ok(value.into())
+    fn visit_i64<E>(self, value: i64) -> Result<Given, E> {
+        Ok(Given::Whole(value.into()))
     }
 
-    fn visit_u64<E>(self, value: u64) -> Result<Value, E> {
-        Ok(value.into())
+    fn visit_u64<E>(self, value: u64) -> Result<Given, E> {
+        Ok(Given::Whole(value.into()))
     }
 
-    fn visit_f64<E>(self, value: f64) -> Result<Value, E> {
-        Ok(value.into())
+    fn visit_f64<E>(self, value: f64) -> Result<Given, E> {
+        Ok(Given::Number(value))
     }
 
-    fn visit_str<E>(self, value: &str) -> Result<Value, E> {
-        Ok(value.into())
+    fn visit_str<E>(self, value: &str) -> Result<Given, E> {
+        Ok(Given::text(value))
     }
 
-    fn visit_unit<E>(self) -> Result<Value, E> {
-        Ok(Value::Null)
+    fn visit_unit<E>(self) -> Result<Given, E> {
+        Ok(Given::Nothing)
     }
 
-    fn visit_seq<A: SeqAccess<'de>>(self, mut entries: A) -> Result<Value, A::Error> {
+    fn visit_seq<A: SeqAccess<'de>>(self, mut entries: A) -> Result<Given, A::Error> {
         let mut list = Vec::new();
         while let Some(Strict(value)) = entries.next_element()? {
             list.push(value);
         }
-        Ok(list.into())
+        Ok(Given::List(list))
     }
 
-    fn visit_map<A: MapAccess<'de>>(self, mut entries: A) -> Result<Value, A::Error> {
-        let mut object = Map::new();
+    fn visit_map<A: MapAccess<'de>>(self, mut entries: A) -> Result<Given, A::Error> {
+        let mut object = Vec::new();
+        let mut seen = BTreeSet::new();
         while let Some((name, Strict(value))) = entries.next_entry::<String, Strict>()? {
-            let twice = format!("the name \"{}\" is there twice", echo(&name));
-            if object.insert(name, value).is_some() {
-                return Err(A::Error::custom(twice));
+            if !seen.insert(name.clone()) {
+                return Err(A::Error::custom(format!("the name \"{}\" is there twice", echo(&name))));
             }
+            object.push((name, value));
         }
-        Ok(object.into())
+        Ok(Given::Object(object))
     }
 }
 
@@ -358,9 +178,66 @@ mod tests {
             (r#"{"uncertainty": 65}"#, "uncertainty"),
             (r#"{"uncertainty": -1}"#, "uncertainty"),
             (r#"{"uncertainty": "yes"}"#, "uncertainty"),
+            (r#"{"uncertainty": null}"#, "uncertainty"),
+            (r#"{"embedding": "umap"}"#, "embedding"),
+            (r#"{"names": []}"#, "names"),
+            (r#"{"names": {"0": "background"}}"#, "names.0"),
+            (r#"{"names": {"011": "left caudate"}}"#, "names.011"),
+            (r#"{"names": {"left": "11"}}"#, "names.left"),
+            (r#"{"names": {"11": " "}}"#, "names.11"),
+            (r#"{"names": {"11": "a\nb"}}"#, "names.11"),
+            (r#"{"names": {"11": 11}}"#, "names.11"),
+            (r#"{"outputs": []}"#, "outputs"),
+            (r#"{"outputs": ["model.stl"]}"#, "outputs"),
+            (r#"{"outputs": ["model.glb", "model.glb"]}"#, "outputs"),
+            (r#"{"outputs": "model.glb"}"#, "outputs"),
         ] {
             assert_eq!(refused_field(text), field, "{text}");
         }
+    }
+
+    #[test]
+    fn a_refusal_says_what_was_given_and_all_that_is_allowed() {
+        for (text, told) in [
+            (r#"{"margin": "0.1"}"#, "margin: got \"0.1\", allowed is a number from 0 to 0.4"),
+            (r#"{"margin": 0.9}"#, "margin: got 0.9, allowed is 0 to 0.4"),
+            (r#"{"margin": 1e300}"#, "margin: got 1e300, allowed is 0 to 0.4"),
+            (r#"{"prune": []}"#, "prune: got [], allowed is \"auto\" or a number from 0 to 1"),
+            (
+                r#"{"landmarks": 1.5}"#,
+                "landmarks: got 1.5, allowed is \"auto\", \"all\" or a whole number from 8 to 20000",
+            ),
+            (
+                r#"{"grid": {"rows": 6}}"#,
+                "grid.cols: got nothing, allowed is {\"rows\": 3 to 512, \"cols\": 3 to 512} or \"auto\"",
+            ),
+            (r#"{"grid": {"rows": 2, "cols": 8}}"#, "grid.rows: got 2, allowed is 3 to 512"),
+            (r#"{"grid": {"x": 8}}"#, "grid.x: got an unknown name, allowed is rows, cols"),
+            (
+                r#"{"labels": [1, 1]}"#,
+                "labels: got 1, allowed is a list of 1 to 1024 whole numbers other than 0, each once",
+            ),
+            (r#"{"labels": [0]}"#, "labels: got 0, allowed is labels other than 0, the background"),
+            (
+                r#"{"names": {"11": ""}}"#,
+                "names.11: got \"\", allowed is a text of 1 to 80 characters, none of them a control character",
+            ),
+        ] {
+            assert_eq!(parse(text.as_bytes()).unwrap_err().to_string(), told);
+        }
+    }
+
+    #[test]
+    fn a_name_has_no_more_characters_than_are_allowed_and_there_are_no_more_than_are_allowed() {
+        let named = |name: &str| parse(format!("{{\"names\": {{\"-3\": \"{name}\"}}}}").as_bytes());
+        assert_eq!(named(&format!("  {} ", "é".repeat(80))).unwrap().names[&-3], "é".repeat(80));
+        assert!(named(&"é".repeat(81)).is_err());
+        let names = |count: usize| {
+            let entries: Vec<String> = (1..=count).map(|label| format!("\"{label}\":\"x\"")).collect();
+            parse(format!("{{\"names\": {{{}}}}}", entries.join(",")).as_bytes())
+        };
+        assert_eq!(names(1024).unwrap().names.len(), 1024);
+        assert!(names(1025).is_err());
     }
 
     #[test]
@@ -399,10 +276,12 @@ mod tests {
             r#"{"labels": [11, -3], "grid": "auto", "spacing_mm": 2.5, "neighbors": {"k": 12}, "landmarks": "all"}"#,
             r#"{"grid": {"rows": 4, "cols": 9}, "neighbors": {"epsilon_mm": 4.0}, "landmarks": 60, "prune": 0.25}"#,
             r#"{"lattice": "regular", "correspondence": "paper", "max_figures": 3, "resolution_mm": null, "uncertainty": 16}"#,
+            r#"{"embedding": "laplacian", "names": {"11": "left caudate", "-3": "\u00e9"}, "outputs": ["points.csv"]}"#,
         ] {
             let params = parse(text.as_bytes()).unwrap();
             let again = params_to_json(&params);
-            assert_eq!(again.as_object().unwrap().keys().map(String::as_str).collect::<Vec<_>>(), NAMES);
+            let names: Vec<&str> = PARAMS.iter().map(|param| param.name).collect();
+            assert_eq!(again.as_object().unwrap().keys().map(String::as_str).collect::<Vec<_>>(), names);
             assert_eq!(parse(again.to_string().as_bytes()).unwrap(), params);
         }
     }

@@ -1,17 +1,14 @@
-//! The parameters as the API describes them. They are read and checked elsewhere; the bounds
-//! here are the constants that they are checked against.
+//! The parameters as the API describes them: the table that they are read and checked by, as JSON Schema.
 
 use std::borrow::Cow;
 
 use serde::Deserialize;
-use serde_json::json;
+use serde_json::{Map, Value, json};
 use utoipa::openapi::{RefOr, Schema};
 use utoipa::{IntoParams, PartialSchema, ToSchema};
 
-use crate::params::{
-    FIGURE_COUNT, LABEL_COUNT, LANDMARK_COUNT, LATTICE_SIDE, LENGTH_MM, MARGIN, NEIGHBOR_COUNT, PRUNE_STRENGTH,
-    REPEAT_COUNT,
-};
+use crate::formats::params_json::given_to_json;
+use crate::params::{Given, PARAMS, Param, Shape};
 
 /// Query of a submission.
 #[derive(Debug, Deserialize, IntoParams)]
@@ -97,108 +94,78 @@ impl PartialSchema for ParamsSchema {
 impl ParamsSchema {
     /// It as JSON Schema, in the order in which a reader wants the parameters; the description of
     /// the API sorts them.
-    pub fn json() -> serde_json::Value {
-        let length = |what: &str| json!({"type": "number", "minimum": LENGTH_MM.start(), "maximum": LENGTH_MM.end(), "description": what});
+    pub fn json() -> Value {
+        let mut properties = Map::new();
+        for param in PARAMS {
+            properties.insert(param.name.to_owned(), property(param));
+        }
         json!({
             "type": "object",
             "additionalProperties": false,
             "description": "Every parameter is optional; an unknown name, a wrong type or a value out of range is \
                             refused. Lengths are millimetres.",
-            "properties": {
-                "labels": {
-                    "type": "array", "items": label(),
-                    "uniqueItems": true,
-                    "minItems": LABEL_COUNT.start(), "maxItems": LABEL_COUNT.end(),
-                    "description": "Labels to work on, each one structure. Default: all that are not 0."
-                },
-                "grid": grid(),
-                "spacing_mm": length("With grid \"auto\": geodesic distance wanted between nodes."),
-                "margin": {
-                    "type": "number", "minimum": MARGIN.start(), "maximum": MARGIN.end(), "default": 0.05,
-                    "description": "Share of the intrinsic extent left free at each edge."
-                },
-                "neighbors": neighbors(),
-                "landmarks": {
-                    "oneOf": [
-                        {"type": "string", "enum": ["auto", "all"]},
-                        {"type": "integer", "minimum": LANDMARK_COUNT.start(), "maximum": LANDMARK_COUNT.end()}
-                    ],
-                    "default": "auto",
-                    "description": "How many geodesic sources ISOMAP uses; \"all\" is exact ISOMAP."
-                },
-                "lattice": {
-                    "type": "string", "enum": ["fitted", "regular"], "default": "fitted",
-                    "description": "fitted: rows follow the sheet's own outline, so that every node lies on it. \
-                                    regular: the paper's rectangle, nodes off the sheet flagged invalid."
-                },
-                "correspondence": {
-                    "type": "string", "enum": ["anchored", "paper"], "default": "anchored",
-                    "description": "How medial and surface nodes are paired. anchored: the medial lattice is \
-                                    carried to both sides along the spokes of its inscribed balls. paper: three independent embeddings, \
-                                    rigidly aligned, paired by (i, j)."
-                },
-                "prune": {
-                    "oneOf": [
-                        {"type": "string", "enum": ["auto"]},
-                        {"type": "number", "minimum": PRUNE_STRENGTH.start(), "maximum": PRUNE_STRENGTH.end()}
-                    ],
-                    "default": "auto",
-                    "description": "How much evidence a branch of the skeleton needs."
-                },
-                "max_figures": {
-                    "type": "integer", "minimum": FIGURE_COUNT.start(), "maximum": FIGURE_COUNT.end(),
-                    "description": "Keep at most this many sheets, the largest first."
-                },
-                "resolution_mm": length("Isotropic working voxel. Default: the finest spacing of the mask."),
-                "uncertainty": {
-                    "type": "integer", "minimum": REPEAT_COUNT.start(), "maximum": REPEAT_COUNT.end(), "default": 0,
-                    "description": "How often everything is computed again with the boundary moved inside what the \
-                                    voxels leave open. The spread of each node's thickness is written as its \
-                                    standard deviation."
-                }
-            }
+            "properties": properties
         })
     }
 }
 
+/// One parameter: its shapes, its default if it has one, what it does.
+fn property(param: &Param) -> Value {
+    let mut property = match param.shapes {
+        [only] => shape(only),
+        several => json!({"oneOf": several.iter().map(shape).collect::<Vec<_>>()}),
+    };
+    match param.default_value() {
+        Given::Nothing => {}
+        default => property["default"] = given_to_json(&default),
+    }
+    property["description"] = param.about.into();
+    property
+}
+
+/// What matches the values that have this shape.
+fn shape(shape: &Shape) -> Value {
+    match shape {
+        Shape::Words(words) => json!({"type": "string", "enum": words}),
+        Shape::Count(range) => json!({"type": "integer", "minimum": range.start(), "maximum": range.end()}),
+        Shape::Number(range) => json!({"type": "number", "minimum": range.start(), "maximum": range.end()}),
+        Shape::Label => label(),
+        Shape::Fields(fields) => object(fields),
+        Shape::List { of, lengths } => json!({
+            "type": "array", "items": self::shape(of), "uniqueItems": true,
+            "minItems": lengths.start(), "maxItems": lengths.end()
+        }),
+        Shape::Texts { chars, lengths } => json!({
+            "type": "object", "minProperties": lengths.start(), "maxProperties": lengths.end(),
+            "propertyNames": {"type": "string", "pattern": LABEL_TEXT},
+            "additionalProperties": {
+                "type": "string", "pattern": PRINTED, "minLength": chars.start(), "maxLength": chars.end()
+            }
+        }),
+    }
+}
+
+/// A label in digits; those of 19, the largest that fit 64 bits, are taken too.
+const LABEL_TEXT: &str = "^-?[1-9][0-9]{0,17}$";
+/// No control characters, and not blank.
+const PRINTED: &str = r"^[^\u0000-\u001f\u007f-\u009f]*[^\s\u0000-\u001f\u007f-\u009f][^\u0000-\u001f\u007f-\u009f]*$";
+
 /// 0 is the background.
-fn label() -> serde_json::Value {
+fn label() -> Value {
     let whole = |bound: &str, value: i8| json!({"type": "integer", "format": "int64", bound: value});
     json!({"oneOf": [whole("minimum", 1), whole("maximum", -1)]})
 }
 
-fn grid() -> serde_json::Value {
-    let side = json!({"type": "integer", "minimum": LATTICE_SIDE.start(), "maximum": LATTICE_SIDE.end()});
-    json!({
-        "oneOf": [
-            {
-                "type": "object", "required": ["rows", "cols"], "additionalProperties": false,
-                "properties": {"rows": side, "cols": side}
-            },
-            {"type": "string", "enum": ["auto"]}
-        ],
-        "default": {"rows": 6, "cols": 8},
-        "description": "N × M lattice. Rows run across the shorter intrinsic axis, cols along the longer."
-    })
+/// All of these properties, and no others.
+fn object(fields: &[(&str, Shape)]) -> Value {
+    let mut properties = Map::new();
+    for (name, part) in fields {
+        properties.insert((*name).to_owned(), shape(part));
+    }
+    let names: Vec<&str> = fields.iter().map(|(name, _)| *name).collect();
+    json!({"type": "object", "required": names, "additionalProperties": false, "properties": properties})
 }
 
-fn neighbors() -> serde_json::Value {
-    let k = json!({"type": "integer", "minimum": NEIGHBOR_COUNT.start(), "maximum": NEIGHBOR_COUNT.end()});
-    let epsilon = json!({"type": "number", "minimum": LENGTH_MM.start(), "maximum": LENGTH_MM.end()});
-    json!({
-        "oneOf": [
-            {"type": "string", "enum": ["auto"]},
-            {"type": "object", "required": ["k"], "additionalProperties": false, "properties": {"k": k}},
-            {
-                "type": "object", "required": ["epsilon_mm"], "additionalProperties": false,
-                "properties": {"epsilon_mm": epsilon}
-            }
-        ],
-        "default": "auto",
-        "description": "k-ISOMAP or ε-ISOMAP."
-    })
-}
-
-fn schema(json: serde_json::Value) -> RefOr<Schema> {
-    RefOr::T(serde_json::from_value(json).expect("the literals above are schemas"))
+fn schema(json: Value) -> RefOr<Schema> {
+    RefOr::T(serde_json::from_value(json).expect("what is made above is a schema"))
 }

@@ -19,8 +19,7 @@ const COMPRESSED_SHARE: f64 = 0.005;
 pub fn expected(header: &HeaderFacts, bytes: u64, params: &CheckedParams) -> Duration {
     let compressed = if header.is_compressed { bytes as f64 } else { bytes as f64 * COMPRESSED_SHARE };
     let once = header.voxels as f64 * PER_VOXEL_NS + compressed * PER_COMPRESSED_BYTE_NS;
-    // The uncertainty computes everything again.
-    Duration::from_secs_f64(once * 1e-9 * (1.0 + params.uncertainty as f64))
+    Duration::from_secs_f64(once * 1e-9 * params.runs() as f64)
 }
 
 #[cfg(test)]

@@ -160,8 +160,7 @@ pub fn publish(
 /// The artifacts that parameters ask for, in the order of the contract.
 fn asked(params: &CheckedParams) -> Vec<&'static Artifact> {
     const ALL: &[Artifact] = &ARTIFACTS;
-    let _ = params;
-    ALL.iter().filter(|artifact| artifact.is_default).collect()
+    ALL.iter().filter(|artifact| params.outputs.contains(&artifact.name)).collect()
 }
 
 fn write(drafts: &Drafts<'_>, artifact: &Artifact, record: &Record) -> io::Result<WrittenFile> {

@@ -8,7 +8,7 @@ use medialrep::formats::write::thickness::{self, InputFacts, OuterTimings};
 use medialrep::model::Model;
 use medialrep::model::Uncertainty;
 use medialrep::model::{Stage, Warning};
-use medialrep::params::Params;
+use medialrep::params::{PARAMS, Params};
 use serde_json::{Value, json};
 
 use crate::models::model;
@@ -41,7 +41,7 @@ fn thickness_json_has_the_names_of_the_contract() {
     assert_eq!(keys(&document["input"]), ["sha256", "format", "dims", "spacing_mm", "affine"]);
     assert_eq!(document["input"]["spacing_mm"], json!([1.0, 1.0, 2.0]));
     assert_eq!(document["input"]["affine"][2], json!([0.0, 0.0, 2.0, 5.5]));
-    assert_eq!(keys(&document["params"]), params_json::NAMES);
+    assert_eq!(keys(&document["params"]), PARAMS.iter().map(|param| param.name).collect::<Vec<_>>());
     assert_eq!(document["warnings"][0]["code"], "no_orientation");
     assert_eq!(document["timings_ms"], json!({"read": 1.0, "write": 2.0, "total": 3.0}));
     let structure = &document["structures"][0];

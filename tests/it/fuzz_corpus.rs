@@ -8,6 +8,9 @@ mod multipart;
 mod nifti;
 #[path = "../../fuzz/bodies/params.rs"]
 mod params;
+#[allow(dead_code, reason = "the targets write them to a folder")]
+#[path = "../../fuzz/seeds.rs"]
+mod seeds;
 
 /// Runs `check` on each file of a corpus; a failure names its file.
 fn replay(target: &str, check: impl Fn(&[u8])) {
@@ -33,6 +36,16 @@ fn every_fuzzed_input_is_answered_by_the_reader() {
 #[test]
 fn every_fuzzed_input_is_answered_as_parameters() {
     replay("params", params::check);
+}
+
+#[test]
+fn a_seed_of_every_parameter_in_every_form_is_accepted() {
+    let seeds = seeds::params();
+    let refused = |seed: &&Vec<u8>| medialrep::formats::params_json::parse(seed).is_err();
+    let refused: Vec<_> = seeds.iter().filter(refused).map(|seed| String::from_utf8_lossy(seed)).collect();
+    // One that is wrong on purpose, and the two ends of a spacing without the automatic grid.
+    assert_eq!(refused.len(), 3, "{refused:?}");
+    seeds.iter().for_each(|seed| params::check(seed));
 }
 
 #[test]

@@ -25,6 +25,8 @@ mod fuzz_corpus;
 
 mod formats_artifacts;
 
+mod params_told;
+
 mod formats_glb;
 
 mod jobs_process;

@@ -92,6 +92,7 @@ fn no_statement_moves_a_job_past_the_table_of_moves() {
 
 #[test]
 fn lower_layers_do_not_name_higher_ones() {
+    check_never(&["src/params"], &["crate::", "serde"]);
     check_never(&["src/space"], &["crate::numerics", "crate::pipeline"]);
     check_never(&["src/numerics"], &["crate::pipeline"]);
     check_never(&["src/formats"], &["crate::jobs", "crate::http", "crate::cli", "tokio", "axum"]);

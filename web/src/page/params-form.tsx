@@ -34,14 +34,8 @@ interface RowProps {
 
 function ParamRow({ field, filled, wrong, onChange }: RowProps) {
   const id = `param-${field.name}`;
-  const variant = field.variants[filled.variant];
   const choose = (index: number) =>
     onChange({ variant: index, texts: index === field.initial.variant ? field.initial.texts : [] });
-  const write = (at: number, text: string) => {
-    const texts = inputsOf(variant).map((_, index) => filled.texts[index] ?? "");
-    texts[at] = text;
-    onChange({ ...filled, texts });
-  };
   return (
     <fieldset class="param" aria-describedby={`${id}-about`}>
       <legend>{field.name}</legend>
@@ -59,19 +53,14 @@ function ParamRow({ field, filled, wrong, onChange }: RowProps) {
             ))}
           </select>
         )}
-        {inputsOf(variant).map((input, at) => (
-          <input
-            key={input.name}
-            type="text"
-            inputMode={input.isWhole ? "numeric" : "decimal"}
-            aria-label={input.name === field.name ? field.name : `${field.name}: ${input.name}`}
-            aria-invalid={wrong !== undefined}
-            aria-describedby={wrong === undefined ? `${id}-about` : `${id}-wrong`}
-            placeholder={placeholder(input)}
-            value={filled.texts[at] ?? ""}
-            onInput={(event) => write(at, event.currentTarget.value)}
-          />
-        ))}
+        <Inputs
+          name={field.name}
+          variant={field.variants[filled.variant]}
+          texts={filled.texts}
+          isWrong={wrong !== undefined}
+          toldBy={wrong === undefined ? `${id}-about` : `${id}-wrong`}
+          onChange={(texts) => onChange({ ...filled, texts })}
+        />
       </div>
       {wrong !== undefined && (
         <p class="wrong" id={`${id}-wrong`}>
@@ -85,6 +74,70 @@ function ParamRow({ field, filled, wrong, onChange }: RowProps) {
   );
 }
 
+interface InputsProps {
+  name: string;
+  variant: Variant | undefined;
+  texts: string[];
+  isWrong: boolean;
+  /** The element that says what is wanted. */
+  toldBy: string;
+  onChange(texts: string[]): void;
+}
+
+/** What one variant is filled in with. */
+function Inputs(props: InputsProps) {
+  const { name, variant, texts, isWrong, toldBy, onChange } = props;
+  if (variant?.kind === "words") return <Words {...props} words={variant.words} />;
+  if (variant?.kind === "texts") {
+    return (
+      <textarea
+        rows={3}
+        aria-label={name}
+        aria-invalid={isWrong}
+        aria-describedby={toldBy}
+        placeholder="11: text"
+        value={texts[0] ?? ""}
+        onInput={(event) => onChange([event.currentTarget.value])}
+      />
+    );
+  }
+  const inputs = inputsOf(variant);
+  const write = (at: number, text: string) =>
+    onChange(inputs.map((_, index) => (index === at ? text : (texts[index] ?? ""))));
+  return inputs.map((input, at) => (
+    <input
+      key={input.name}
+      type="text"
+      inputMode={input.isWhole ? "numeric" : "decimal"}
+      aria-label={input.name === name ? name : `${name}: ${input.name}`}
+      aria-invalid={isWrong}
+      aria-describedby={toldBy}
+      placeholder={placeholder(input)}
+      value={texts[at] ?? ""}
+      onInput={(event) => write(at, event.currentTarget.value)}
+    />
+  ));
+}
+
+/** A box to tick for each word. */
+function Words({ words, texts, toldBy, onChange }: InputsProps & { words: string[] }) {
+  const take = (word: string, isTaken: boolean) => {
+    const others = texts.filter((text) => text !== word);
+    onChange(isTaken ? [...others, word] : others);
+  };
+  return words.map((word) => (
+    <label key={word}>
+      <input
+        type="checkbox"
+        checked={texts.includes(word)}
+        aria-describedby={toldBy}
+        onChange={(event) => take(word, event.currentTarget.checked)}
+      />
+      {word}
+    </label>
+  ));
+}
+
 /** The text inputs of a variant. */
 function inputsOf(variant: Variant | undefined): Input[] {
   switch (variant?.kind) {
@@ -92,7 +145,7 @@ function inputsOf(variant: Variant | undefined): Input[] {
       return [variant.input];
     case "object":
       return variant.inputs;
-    case "integers":
+    case "numbers":
       return [{ name: "list", isWhole: false }];
     default:
       return [];

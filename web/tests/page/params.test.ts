@@ -40,6 +40,10 @@ test("defaults stand in the form", () => {
   expect(fieldOf("grid").initial).toEqual({ variant: 0, texts: ["6", "8"] });
   expect(fieldOf("margin").initial).toEqual({ variant: 0, texts: ["0.05"] });
   expect(fieldOf("labels").variants.map(({ label }) => label)).toEqual(["not set", "these"]);
+  expect(fieldOf("embedding").initial).toEqual({ variant: 0, texts: [] });
+  expect(fieldOf("names").initial).toEqual({ variant: 0, texts: [""] });
+  const four = ["model.glb", "thickness.json", "thickness.csv", "points.csv"];
+  expect(fieldOf("outputs").initial).toEqual({ variant: 0, texts: four });
 });
 
 test("what was filled in is sent as the service reads it", () => {
@@ -52,9 +56,13 @@ test("what was filled in is sent as the service reads it", () => {
     ...filled("landmarks", "all"),
     ...filled("lattice", "regular"),
     ...filled("prune", "a number", "0.5"),
+    ...filled("embedding", "lle"),
+    ...filled("names", "these", "11: left: caudate\n\n -3 :rest "),
+    ...filled("outputs", "these", "points.csv", "model.glb"),
   };
   const numbers = { labels: [11, -3, 7], margin: 0.1, neighbors: { epsilon_mm: 4 }, spacing_mm: 2.5, prune: 0.5 };
-  const params = { ...numbers, grid: "auto", landmarks: "all", lattice: "regular" };
+  const lists = { names: { 11: "left: caudate", "-3": "rest" }, outputs: ["model.glb", "points.csv"] };
+  const params = { ...numbers, grid: "auto", landmarks: "all", lattice: "regular", embedding: "lle", ...lists };
   expect(assemble(fields, form)).toEqual({ params, wrong: {} });
 });
 
@@ -69,6 +77,12 @@ test.each([
   ["prune", "a number", ["1.5"]],
   ["labels", "these", ["0"]],
   ["labels", "these", [""]],
+  ["labels", "these", ["11, 11"]],
+  ["names", "these", ["left caudate"]],
+  ["names", "these", ["0: background"]],
+  ["names", "these", ["11: a\n11: b"]],
+  ["names", "these", [`11: ${"x".repeat(81)}`]],
+  ["outputs", "these", []],
 ])("%s (%s: %s) is told to be wrong", (name, label, texts) => {
   const { params, wrong } = assemble(fields, filled(name, label, ...texts));
   expect(Object.keys(wrong)).toEqual([name]);

@@ -1,0 +1,124 @@
+//! Values of parameters that are one of several things.
+
+/// The lattice asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum GridChoice {
+    /// A fixed size.
+    Fixed {
+        /// Nodes across (i).
+        rows: usize,
+        /// Nodes along (j).
+        cols: usize,
+    },
+    /// From `spacing_mm`, else from the sheet's size and aspect.
+    Auto,
+}
+
+/// The neighbourhood of the graph that is flattened.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Neighbors {
+    /// A ball of a few voxels, checked against the sheet.
+    Auto,
+    /// The k nearest along the sheet.
+    Count(usize),
+    /// All within this distance along the sheet, mm.
+    RadiusMm(f64),
+}
+
+/// How many geodesic sources ISOMAP uses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Landmarks {
+    /// Enough for the sheet at hand.
+    Auto,
+    /// This many farthest-point landmarks.
+    Count(usize),
+    /// Every point: exact ISOMAP.
+    All,
+}
+
+/// The shape of the lattice in the flattened sheet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LatticeKind {
+    /// Rows follow the sheet's outline, every node lies on the sheet.
+    Fitted,
+    /// The paper's rectangle; nodes off the sheet are flagged invalid.
+    Regular,
+}
+
+/// How medial and surface nodes are paired.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Correspondence {
+    /// One parameterisation of the medial sheet, carried to both sides along the spokes.
+    Anchored,
+    /// Three independent embeddings, rigidly aligned, paired by (i, j).
+    Paper,
+}
+
+/// How much evidence a branch of the skeleton needs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Prune {
+    /// From the data.
+    Auto,
+    /// 0 keeps everything, 1 keeps the main sheet alone.
+    Strength(f64),
+}
+
+/// The manifold learning that lays a sheet flat: the three that the paper names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Embedding {
+    /// Distances in the plane follow those along the sheet.
+    Isomap,
+    /// Locally linear embedding: each point stays the same mean of its neighbours.
+    Lle,
+    /// Laplacian eigenmaps: neighbours stay near.
+    Laplacian,
+}
+
+impl LatticeKind {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Fitted, Self::Regular];
+    /// Their names.
+    pub const NAMES: [&'static str; 2] = [Self::Fitted.name(), Self::Regular.name()];
+
+    /// Stable name.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Fitted => "fitted",
+            Self::Regular => "regular",
+        }
+    }
+}
+
+impl Correspondence {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Anchored, Self::Paper];
+    /// Their names.
+    pub const NAMES: [&'static str; 2] = [Self::Anchored.name(), Self::Paper.name()];
+
+    /// Stable name.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Anchored => "anchored",
+            Self::Paper => "paper",
+        }
+    }
+}
+
+impl Embedding {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Isomap, Self::Lle, Self::Laplacian];
+    /// Their names.
+    pub const NAMES: [&'static str; 3] = [Self::Isomap.name(), Self::Lle.name(), Self::Laplacian.name()];
+
+    /// Stable name.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Isomap => "isomap",
+            Self::Lle => "lle",
+            Self::Laplacian => "laplacian",
+        }
+    }
+}
