@@ -1,8 +1,15 @@
 //! `GET /v1/jobs/{id}/results/{name}`.
 
+use std::sync::Arc;
+
 use axum::body::Body;
 use axum::http::Request;
+use medialrep::formats::nifti_write;
+use medialrep::jobs::process::{Kept, process};
+use medialrep::jobs::worker::Processor;
+use serde_json::Value;
 
+use crate::phantoms::volume;
 use crate::support::{Answer, Server, content, writes};
 
 async fn done() -> (Server, String) {
@@ -64,4 +71,66 @@ async fn only_published_names_are_served() {
     for name in ["points.csv", "nothing", "..", "..%2f..%2f..%2fjobs.sqlite", "%2fetc%2fpasswd"] {
         server.get(&format!("{results}{name}")).await.is_problem(404, "no_such_result");
     }
+}
+
+/// The real thing: a mask is read, run and written, and its record kept.
+fn processes() -> Processor {
+    Arc::new(|mask, params, limits, out, observer| process(mask, params, limits, (out, Kept::Record), observer))
+}
+
+async fn job_of_a_slab(server: &Server, params: &str) -> String {
+    let slab = volume("slab");
+    let mut file = Vec::new();
+    nifti_write::write(&slab, &mut file).unwrap();
+    let query: String = form_urlencoded::byte_serialize(params.as_bytes()).collect();
+    let answer = server.post(&format!("/v1/jobs?params={query}"), file).await;
+    assert_eq!(answer.status, 202, "{}", answer.text());
+    let job = answer.header("location").to_owned();
+    server.job_in(&job, "succeeded").await;
+    job
+}
+
+fn names(job: &Value) -> Vec<&str> {
+    job["results"].as_array().unwrap().iter().map(|file| file["name"].as_str().unwrap()).collect()
+}
+
+#[tokio::test]
+async fn a_result_that_was_not_asked_for_is_made_when_it_is_and_kept() {
+    let server = Server::start(processes()).await;
+    let whole = job_of_a_slab(&server, "{}").await;
+    let part = job_of_a_slab(&server, r#"{"outputs":["thickness.json"]}"#).await;
+    let status = server.get(&part).await.json();
+    assert_eq!(names(&status), ["thickness.json"]);
+    for name in ["model.glb", "points.csv", "thickness.csv"] {
+        let made = server.get(&format!("{part}/results/{name}")).await;
+        assert_eq!(made.status, 200, "{name}: {}", made.text());
+        assert_eq!(made.body, server.get(&format!("{whole}/results/{name}")).await.body, "{name} has other bytes");
+    }
+    let status = server.get(&part).await.json();
+    assert_eq!(names(&status).len(), 4, "what was made is kept");
+    server.get(&format!("{part}/results/record")).await.is_problem(404, "no_such_result");
+    server.get(&format!("{part}/results/no.such")).await.is_problem(404, "no_such_result");
+}
+
+#[tokio::test]
+async fn many_who_ask_at_once_for_what_is_not_there_get_the_same() {
+    let server = Server::start(processes()).await;
+    let job = job_of_a_slab(&server, r#"{"outputs":["thickness.json"]}"#).await;
+    let path = format!("{job}/results/model.glb");
+    let answers = futures_util::future::join_all((0..4).map(|_| server.get(&path))).await;
+    assert!(answers.iter().all(|answer| answer.status == 200 && answer.body == answers[0].body));
+    let status = server.get(&job).await.json();
+    assert_eq!(names(&status), ["thickness.json", "model.glb"]);
+}
+
+#[tokio::test]
+async fn a_damaged_record_is_told_and_nothing_is_made_from_it() {
+    let server = Server::start(processes()).await;
+    let job = job_of_a_slab(&server, r#"{"outputs":["thickness.json"]}"#).await;
+    let record = server.files().into_iter().find(|file| file.ends_with("record")).expect("it is kept");
+    let mut bytes = std::fs::read(&record).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(&record, bytes).unwrap();
+    server.get(&format!("{job}/results/model.glb")).await.is_problem(500, "result_damaged");
 }

@@ -329,6 +329,26 @@ async fn only_kept_results_of_the_same_tenant_and_program_are_reused() {
 }
 
 #[tokio::test]
+async fn a_result_is_added_once_and_only_while_results_are_kept() {
+    let (_dir, store) = store().await;
+    let id = insert(&*store).await;
+    let lease = claim(&*store).await.expect("it waits");
+    let file =
+        ResultFile { name: "more".to_owned(), media_type: "text/csv".to_owned(), bytes: 3, sha256: "cd".repeat(32) };
+    assert!(!store.add_result(id, &lease.token, &file).await.unwrap(), "it runs");
+    store.finish(&lease, &succeeded(), Timestamp::now()).await.unwrap();
+    let before = get(&*store, id).await.results.len();
+    assert!(!store.add_result(id, "another", &file).await.unwrap(), "the folder is another run's");
+    for _ in 0..2 {
+        assert!(store.add_result(id, &lease.token, &file).await.unwrap());
+        let results = get(&*store, id).await.results;
+        assert_eq!((results.len(), results.last()), (before + 1, Some(&file)));
+    }
+    store.expire_results(Timestamp::now() + LEASE, 10).await.unwrap();
+    assert!(!store.add_result(id, &lease.token, &file).await.unwrap(), "the results are erased");
+}
+
+#[tokio::test]
 async fn a_job_tells_its_history() {
     let (_dir, store) = store().await;
     let id = insert(&*store).await;

@@ -2,7 +2,9 @@
 
 use std::io::Write;
 
+use medialrep::formats::artifacts::ARTIFACTS;
 use medialrep::formats::params_json;
+use medialrep::formats::write::record::{Record, RecordError};
 use medialrep::formats::write::tables;
 use medialrep::formats::write::thickness::{self, InputFacts, OuterTimings};
 use medialrep::model::Model;
@@ -19,8 +21,12 @@ fn text(write: impl FnOnce(&mut Vec<u8>) -> std::io::Result<()>) -> String {
     String::from_utf8(bytes).unwrap()
 }
 
+fn input() -> InputFacts {
+    InputFacts { sha256: "ab".repeat(32), format: "nifti1.gz".to_owned() }
+}
+
 fn thickness(model: &Model) -> Value {
-    let input = InputFacts { sha256: "ab".repeat(32), format: "nifti1.gz".to_owned() };
+    let input = input();
     let notices = [Warning { code: "no_orientation".into(), message: "none".to_owned() }];
     let timings = OuterTimings { read_ms: 1.0, write_ms: 2.0, total_ms: 3.0 };
     serde_json::from_str(&text(|out| thickness::write(model, &input, &notices, timings, out))).unwrap()
@@ -239,4 +245,57 @@ fn a_full_disk_is_an_error_of_the_writer() {
         }
     }
     assert_eq!(tables::write_points(&model(), Full).unwrap_err().kind(), std::io::ErrorKind::StorageFull);
+}
+
+#[test]
+fn a_document_reads_what_it_writes() {
+    let mut bytes = Vec::new();
+    thickness::write(&model(), &input(), &[], OuterTimings::default(), &mut bytes).unwrap();
+    let read = thickness::Document::read(&bytes).unwrap();
+    let mut again = Vec::new();
+    read.write(&mut again).unwrap();
+    assert_eq!(String::from_utf8(again), String::from_utf8(bytes));
+}
+
+#[test]
+fn a_document_of_before_is_read_and_one_of_another_schema_is_not() {
+    let mut document = thickness(&model());
+    let older = document["structures"][0]["figures"][0].as_object_mut().unwrap();
+    older.shift_remove("kind");
+    older["quality"].as_object_mut().unwrap().shift_remove("embedding");
+    document["structures"][0].as_object_mut().unwrap().shift_remove("color");
+    assert!(thickness::Document::read(document.to_string().as_bytes()).is_ok());
+    document["schema"] = json!("medialrep/thickness/2");
+    let error = thickness::Document::read(document.to_string().as_bytes()).unwrap_err();
+    assert!(error.to_string().contains("medialrep/thickness/2"), "{error}");
+    assert!(thickness::Document::read(b"{}").is_err());
+}
+
+#[test]
+fn every_artifact_of_a_record_has_the_bytes_it_had_before() {
+    let timings = OuterTimings { read_ms: 1.25, write_ms: 1.0 / 3.0, total_ms: 7.0 };
+    let warnings = vec![Warning { code: "no_orientation".into(), message: "none".to_owned() }];
+    let record = Record { model: model(), input: input(), warnings, timings };
+    let mut kept = Vec::new();
+    record.write(&mut kept).unwrap();
+    let read = Record::read(kept.as_slice()).unwrap();
+    for artifact in &ARTIFACTS {
+        let [before, after] = [&record, &read].map(|record| {
+            let mut bytes = Vec::new();
+            (artifact.write)(record, &mut bytes).unwrap();
+            bytes
+        });
+        assert!(before == after, "{} changed", artifact.name);
+    }
+}
+
+#[test]
+fn a_record_that_is_damaged_or_of_another_version_is_refused() {
+    let record = Record { model: model(), input: input(), warnings: Vec::new(), timings: OuterTimings::default() };
+    let mut kept = Vec::new();
+    record.write(&mut kept).unwrap();
+    assert!(matches!(Record::read(&kept[..kept.len() / 2]), Err(RecordError::Damaged(_))));
+    assert!(matches!(Record::read(&kept[..2]), Err(RecordError::Damaged(_))));
+    kept[3] = 99;
+    assert!(matches!(Record::read(kept.as_slice()), Err(RecordError::Version { found: 99 })));
 }
