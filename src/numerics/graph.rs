@@ -13,6 +13,12 @@ const UNREACHED: u32 = u32::MAX;
 /// The edges of one node: the nodes that they lead to, and their lengths.
 pub type Edges = Vec<(u32, f32)>;
 
+/// Leaves the `count` shortest edges, the shortest first; of edges of one length the one to the first node.
+pub fn keep_shortest(edges: &mut Edges, count: usize) {
+    edges.sort_by(|x, y| x.1.total_cmp(&y.1).then(x.0.cmp(&y.0)));
+    edges.truncate(count);
+}
+
 /// A weighted undirected graph; the edges of the node kept at `a` are `edges[rows[a]..rows[a + 1]]`.
 ///
 /// Searches read all edges again and again. So an edge is four bytes: the step to the place of the other

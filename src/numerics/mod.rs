@@ -1,6 +1,8 @@
 //! Algorithms that know no anatomy: fields on grids, digital topology, graphs, fits.
 //! Lengths are in voxels of an isotropic grid unless a name says otherwise.
 
+pub mod parallel;
+
 pub mod field;
 
 pub mod smooth;
@@ -25,7 +27,13 @@ pub mod points;
 
 pub mod cells;
 
+pub mod raster;
+
+pub mod contour;
+
 pub mod fit;
+
+pub mod moments;
 
 pub mod polyline;
 

@@ -34,6 +34,12 @@ impl<const D: usize> Polyline<D> {
         Self { points, reached }
     }
 
+    /// The points; of a closed line the first comes again at the end.
+    #[must_use]
+    pub fn points(&self) -> &[SVector<f64, D>] {
+        &self.points
+    }
+
     /// Length of the whole.
     #[must_use]
     pub fn length(&self) -> f64 {
@@ -82,6 +88,23 @@ impl<const D: usize> Polyline<D> {
         points
     }
 
+    /// `count` points at equal lengths around a closed line. Shares are of the pieces' own lengths, not of the difference of
+    /// the lengths up to their ends, which far along the line have fewer digits.
+    #[must_use]
+    pub fn evenly_around(&self, count: usize) -> Vec<SVector<f64, D>> {
+        let mut points = Vec::with_capacity(count);
+        let mut piece = 0;
+        for n in 0..count {
+            let wanted = n as f64 * self.length() / count as f64;
+            while piece + 2 < self.points.len() && self.reached[piece + 1] < wanted {
+                piece += 1;
+            }
+            let own = (self.points[piece + 1] - self.points[piece]).norm().max(1e-12);
+            points.push(self.point((piece, (wanted - self.reached[piece]) / own)));
+        }
+        points
+    }
+
     /// Pieces between two points in one place have a length, so that shares of them are numbers.
     fn piece_length(&self, piece: usize) -> f64 {
         (self.reached[piece + 1] - self.reached[piece]).max(1e-12)
@@ -101,6 +124,7 @@ mod tests {
         assert_eq!(closed.length(), 8.0);
         assert_eq!(closed.evenly(4, 4), corners);
         assert_eq!(closed.evenly(8, 8)[7], Vector2::new(0.0, 1.0));
+        assert_eq!(closed.evenly_around(8), closed.evenly(8, 8));
         let open = Polyline::open(corners.to_vec());
         assert_eq!(open.evenly(4, 3), corners);
         assert_eq!(open.place(3.0), (1, 0.5));

@@ -1,9 +1,12 @@
 //! Separable Gaussian smoothing.
 
 use std::collections::VecDeque;
+use std::iter::Sum;
+use std::ops::{Add, Div, Mul};
 
 use rayon::prelude::*;
 
+use super::field::floor_index;
 use crate::space::Grid;
 
 use crate::cancel::{Cancel, Cancelled};
@@ -42,7 +45,7 @@ pub fn gaussian(grid: &mut Grid<f32>, sigma: [f64; 3], cancel: &dyn Cancel) -> R
 
 /// Half of a normalised kernel: the centre and one flank.
 fn kernel(sigma: f64) -> Vec<f32> {
-    let reach = super::field::floor_index((CUT_SIGMAS * sigma).ceil()).max(1);
+    let reach = floor_index((CUT_SIGMAS * sigma).ceil()).max(1);
     let raw: Vec<f64> = (0..=reach).map(|x| (-((x * x) as f64) / (2.0 * sigma * sigma)).exp()).collect();
     let sum = raw[0] + 2.0 * raw[1..].iter().sum::<f64>();
     #[expect(clippy::cast_possible_truncation, reason = "the grid is f32")]
@@ -98,6 +101,25 @@ fn add_scaled(out: &mut [f32], values: &[f32], weight: f32, start: bool) {
     }
 }
 
+/// Values along a closed line, smoothed by a Gaussian of `sigma` of their steps.
+#[must_use]
+pub fn gaussian_around<T>(values: &[T], sigma: f64) -> Vec<T>
+where
+    T: Copy + Add<Output = T> + Mul<f64, Output = T> + Div<f64, Output = T> + Sum,
+{
+    let reach = floor_index((CUT_SIGMAS * sigma).ceil());
+    let weights: Vec<f64> = (0..=reach).map(|d| (-0.5 * (d as f64 / sigma).powi(2)).exp()).collect();
+    let total = weights[0] + 2.0 * weights[1..].iter().sum::<f64>();
+    let count = values.len();
+    let mut smooth = Vec::with_capacity(count);
+    for k in 0..count {
+        let pair = |d: usize| values[(k + d) % count] + values[(k + count * (1 + reach) - d) % count];
+        let beside: T = (1..=reach).map(|d| pair(d) * weights[d]).sum();
+        smooth.push((values[k] * weights[0] + beside) / total);
+    }
+    smooth
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -113,5 +135,14 @@ mod tests {
         gaussian(&mut impulse, [1.0; 3], &Never).expect("not stopped");
         assert!((impulse.as_slice().iter().sum::<f32>() - 1.0).abs() < 1e-4);
         assert!((impulse[[11, 10, 10]] - impulse[[10, 10, 9]]).abs() < 1e-7);
+    }
+
+    #[test]
+    fn a_closed_line_has_no_ends() {
+        let mut impulse = vec![0.0; 30];
+        impulse[0] = 1.0;
+        let smooth = gaussian_around(&impulse, 2.0);
+        assert!((smooth.iter().sum::<f64>() - 1.0).abs() < 1e-12 && smooth[29] == smooth[1]);
+        assert!((smooth[2] / smooth[0] - (-0.5f64).exp()).abs() < 1e-12);
     }
 }

@@ -3,6 +3,8 @@
 
 mod matrix;
 
+mod rows;
+
 mod dissection;
 
 mod cholesky;
@@ -10,4 +12,5 @@ mod cholesky;
 mod smallest;
 
 pub use matrix::Sparse;
+pub use rows::{Memberships, RowSums};
 pub use smallest::{EigenError, Smallest, smallest};

@@ -1,8 +1,6 @@
 //! What was chosen where the user left the choice to the program, and from what.
 
-use crate::model::LatticeSize;
-use crate::model::PerSurface;
-use crate::model::{Automatic, GridFrom};
+use crate::model::{Automatic, GridFrom, LatticeSize, PerSurface};
 use crate::numerics::field::floor_index;
 use crate::params::{CheckedParams, GridChoice, LATTICE_SIDE, Neighbors};
 use crate::pipeline::lattice::Lattice;
@@ -20,8 +18,7 @@ pub fn automatic(
     region: &Region,
     voxel_mm: f64,
 ) -> (LatticeSize, Automatic) {
-    // The side of a rectangle is √12 times its root second moment.
-    let [length_mm, width_mm] = region.principal_axes().1.map(|e| (e * 12.0f64.sqrt()).max(1.0) * voxel_mm);
+    let [length_mm, width_mm] = region.rectangle().map(|side| side.max(1.0) * voxel_mm);
     let (size, grid_from) = match (params.grid, params.spacing_mm) {
         (GridChoice::Fixed { rows, cols }, _) => (LatticeSize { rows, cols }, GridFrom::Asked),
         (GridChoice::Auto, Some(spacing)) => (spaced([length_mm, width_mm], params.margin, spacing), GridFrom::Spacing),
@@ -56,8 +53,14 @@ fn nodes_on(length: f64, spacing: f64) -> usize {
 #[must_use]
 pub fn respaced(lattice: &Lattice, spacing: f64) -> LatticeSize {
     let LatticeSize { rows, cols } = lattice.size;
-    let step = |a: usize, b: usize| (lattice.nodes[a] - lattice.nodes[b]).norm();
-    let along: f64 = (0..rows * cols).filter(|n| n % cols + 1 < cols).map(|n| step(n, n + 1)).sum();
-    let across: f64 = (0..(rows - 1) * cols).map(|n| step(n, n + cols)).sum();
+    let (mut along, mut across) = (0.0f64, 0.0f64);
+    for n in 0..rows * cols {
+        if n % cols + 1 < cols {
+            along += (lattice.nodes[n] - lattice.nodes[n + 1]).norm();
+        }
+        if n + cols < rows * cols {
+            across += (lattice.nodes[n] - lattice.nodes[n + cols]).norm();
+        }
+    }
     LatticeSize { rows: nodes_on(across / cols as f64, spacing), cols: nodes_on(along / rows as f64, spacing) }
 }

@@ -86,40 +86,64 @@ impl<'a> SpaceFromPlane<'a> {
     /// # Errors
     /// When it is cancelled.
     pub fn nodes(&self, places: &[Point2<f64>], cancel: &dyn Cancel) -> Result<Vec<Node>, Cancelled> {
-        places.iter().map(|p| cancel.check().map(|()| self.node(*p))).collect()
+        let mut nodes = Vec::with_capacity(places.len());
+        for p in places {
+            cancel.check()?;
+            nodes.push(self.node(*p));
+        }
+        Ok(nodes)
     }
 
     /// The point nearest to `p`, and how far it is.
     #[must_use]
     pub fn nearest(&self, p: Point2<f64>) -> (usize, f64) {
-        let distance = |k: usize| (self.flat[k] - p).norm();
-        let closest =
-            |points: &mut dyn Iterator<Item = usize>| points.min_by(|&a, &b| distance(a).total_cmp(&distance(b)));
-        let near = closest(&mut self.cells.around(p, FIT_RADIUS)).filter(|&k| distance(k) <= FIT_RADIUS);
-        let k = near.or_else(|| closest(&mut (0..self.flat.len()))).unwrap_or(0);
-        (k, distance(k))
+        match self.nearest_of(self.cells.around(p, FIT_RADIUS), p) {
+            // Beyond the radius, the cells may hold one and miss a nearer one.
+            Some((k, distance)) if distance <= FIT_RADIUS => (k, distance),
+            _ => self.nearest_of(0..self.flat.len(), p).unwrap_or((0, f64::INFINITY)),
+        }
+    }
+
+    fn nearest_of(&self, points: impl Iterator<Item = usize>, p: Point2<f64>) -> Option<(usize, f64)> {
+        let mut best: Option<(usize, f64)> = None;
+        for k in points {
+            let distance = (self.flat[k] - p).norm();
+            if best.is_none_or(|(_, least)| distance < least) {
+                best = Some((k, distance));
+            }
+        }
+        best
     }
 
     fn fit(&self, p: Point2<f64>, radius: f64) -> Option<LocalFit<4>> {
-        let sample = |k: usize| {
-            let x = self.positions[k];
-            let value = self.values.get(k).copied().unwrap_or(0.0);
-            (self.flat[k], SVector::<f64, 4>::new(x.x, x.y, x.z, value))
-        };
-        quadratic(p, radius, self.cells.around(p, radius).map(sample))
+        quadratic(p, radius, self.cells.around(p, radius).map(|k| self.sample(k)))
+    }
+
+    /// A point's place in the plane, and what the map brings back: its position and its value.
+    fn sample(&self, k: usize) -> (Point2<f64>, SVector<f64, 4>) {
+        let x = self.positions[k];
+        (self.flat[k], SVector::from([x.x, x.y, x.z, self.value(k)]))
+    }
+
+    fn value(&self, k: usize) -> f64 {
+        self.values.get(k).copied().unwrap_or(0.0)
     }
 
     fn bare(&self, k: usize) -> Node {
-        let value = self.values.get(k).copied().unwrap_or(0.0);
-        Node { position: self.positions[k], tangents: [Vector3::x(), Vector3::y()], value, slopes: [0.0; 2] }
+        let tangents = [Vector3::x(), Vector3::y()];
+        Node { position: self.positions[k], tangents, value: self.value(k), slopes: [0.0; 2] }
     }
 }
 
+/// The first three of four values.
+fn of_space(v: &SVector<f64, 4>) -> Vector3<f64> {
+    Vector3::new(v[0], v[1], v[2])
+}
+
 fn as_node(fit: &LocalFit<4>) -> Node {
-    let part = |v: &SVector<f64, 4>| Vector3::new(v[0], v[1], v[2]);
     Node {
-        position: Point3::from(part(&fit.value)),
-        tangents: [part(&fit.du), part(&fit.dv)],
+        position: Point3::from(of_space(&fit.value)),
+        tangents: [of_space(&fit.du), of_space(&fit.dv)],
         value: fit.value[3],
         slopes: [fit.du[3], fit.dv[3]],
     }

@@ -1,14 +1,23 @@
 //! Stage 6: the N × M lattice over a flattened surface, and the map from the plane back to space
 //! (section 3 of the paper).
 //!
-//! `regular` is the paper's rectangle. `fitted` follows the outline: nodes slide along the rows and
-//! columns of a patch of the region in turn until they are equally spaced along both. The map back
-//! is a local quadratic fit (moving least squares), so that the staircase of the voxels does not
-//! reach the mesh.
+//! 1. The region that the sheet covers in its plane is found; balls, tubes and sheets with large holes are refused;
+//! 2. the sheet is carried on to its rim (`rim`), where it ends before or goes on beyond its voxels;
+//! 3. the lattice gets its size (`automatic`);
+//! 4. and is laid: the region is cut into four sides (`corners`) and made the image of a square (`patch`), in which nodes
+//!    slide along rows and columns in turn until they are equally spaced along both (`slide`);
+//! 5. [`map`] brings nodes back to space.
+//!
+//! Where we leave the paper: its lattice is the rectangle around the flattened points, here `lattice` "regular". That has
+//! nodes on nothing: a rectangle inside an ellipse covers at most 64 % of it. "fitted", the default, follows the outline.
+//! The map back is a local quadratic fit (moving least squares), so that the staircase of the voxels does not reach the
+//! mesh; and only with `correspondence` "paper" does each surface have a lattice of its own.
 
 mod arc;
 
 mod corners;
+
+mod harmonic;
 
 mod patch;
 
@@ -20,14 +29,14 @@ pub mod map;
 
 mod automatic;
 
-use nalgebra::{Point2, Vector2};
+use nalgebra::Point2;
 
 use self::automatic::{automatic, respaced};
 use self::patch::Patch;
 use self::rim::{WholeSheet, to_rim};
-use self::slide::{evenly_spaced, share};
+use self::slide::{equal_shares, evenly_spaced};
 use crate::cancel::{Cancel, Cancelled};
-use crate::model::{Automatic, LatticeSize, PerSurface, Refusal, ring};
+use crate::model::{Automatic, FrameFacts, LatticeSize, PerSurface, Refusal, ring};
 use crate::params::{Correspondence, LatticeKind};
 use crate::pipeline::PipelineError;
 use crate::pipeline::context::Context;
@@ -93,32 +102,36 @@ pub fn lattices(
     number: usize,
     context: &Context<'_>,
 ) -> Result<(Automatic, Laid), PipelineError> {
-    let Framed { flat, frame, .. } = framed;
+    let flat = &framed.flat;
     let own_region = Region::of(&flat.medial.points, context)?;
     if number == 0 {
         check_extents(&own_region, sheet, solid)?;
     }
-    let points = match context.params.correspondence {
-        Correspondence::Anchored => widened(sheet, &flat.medial.points, depth, context)?,
-        Correspondence::Paper => SheetPoints::default(),
-    };
+    let is_anchored = context.params.correspondence == Correspondence::Anchored;
+    let points =
+        if is_anchored { widened(sheet, &flat.medial.points, depth, context)? } else { SheetPoints::default() };
     let is_widened = points.flat.len() > flat.medial.points.len();
     let region = if is_widened { Region::of(&points.flat, context)? } else { own_region };
     check_holes(region.hole_share, number, context)?;
-    if !frame.ambiguities.is_empty() {
-        let message = format!("another frame of sheet {number} is as good: {}", frame.ambiguities.join("; "));
-        context.warn("frame_ambiguous", message);
-    }
-    let too_small = || Refusal::TooSmall { points: sheet.medial.positions.len(), needed: MIN_SHEET_POINTS };
-    if context.params.correspondence == Correspondence::Paper {
+    warn_of_frame(&framed.frame, number, context);
+    let too_small = Refusal::TooSmall { points: sheet.medial.positions.len(), needed: MIN_SHEET_POINTS };
+    if !is_anchored {
         let (size, choices) = sized(flat, &region, solid, number, context);
-        let lattices = on_each_surface(flat, size, context)?.ok_or_else(too_small)?;
+        let lattices = on_each_surface(flat, size, context)?.ok_or(too_small)?;
         return Ok((choices, Laid::Paper(lattices)));
     }
     let whole = to_rim(&points, &region, &sheet.hinge, solid, depth, context)?;
     let (size, choices) = sized(flat, &whole.region, solid, number, context);
-    let lattice = spaced_as_asked(&whole.region, size, solid, context)?.ok_or_else(too_small)?;
+    let lattice = spaced_as_asked(&whole.region, size, solid, context)?.ok_or(too_small)?;
     Ok((choices, Laid::Anchored { whole, lattice }))
+}
+
+/// Says when a little noise might turn the frame.
+fn warn_of_frame(frame: &FrameFacts, number: usize, context: &Context<'_>) {
+    if !frame.ambiguities.is_empty() {
+        let message = format!("another frame of sheet {number} is as good: {}", frame.ambiguities.join("; "));
+        context.warn("frame_ambiguous", message);
+    }
 }
 
 /// Refuses large holes and tells of small ones.
@@ -170,20 +183,21 @@ fn on_each_surface(
     size: LatticeSize,
     context: &Context<'_>,
 ) -> Result<Option<PerSurface<Lattice>>, Cancelled> {
-    let params = context.params;
-    let on = |flat: &Flat| {
-        let region = Region::of(&flat.points, context)?;
-        lattice(&region, params.lattice, size, params.margin, RIM_INSET, context)
-    };
-    let all = (on(&flat.medial)?, on(&flat.upper)?, on(&flat.lower)?);
-    let (Some(medial), Some(upper), Some(lower)) = all else { return Ok(None) };
+    let medial = on_surface(&flat.medial, size, context)?;
+    let upper = on_surface(&flat.upper, size, context)?;
+    let lower = on_surface(&flat.lower, size, context)?;
+    let (Some(medial), Some(upper), Some(lower)) = (medial, upper, lower) else { return Ok(None) };
     Ok(Some(PerSurface { medial, upper, lower }))
+}
+
+fn on_surface(flat: &Flat, size: LatticeSize, context: &Context<'_>) -> Result<Option<Lattice>, Cancelled> {
+    let region = Region::of(&flat.points, context)?;
+    lattice(&region, context.params.lattice, size, context.params.margin, RIM_INSET, context)
 }
 
 /// Refuses balls and tubes: their medial sheet is no wider than they are thick.
 fn check_extents(region: &Region, sheet: &SheetSides, solid: &Solid) -> Result<(), Refusal> {
-    // The side of a rectangle is √12 times its root second moment.
-    let [length, width] = region.principal_axes().1.map(|e| e * 12.0f64.sqrt());
+    let [length, width] = region.rectangle();
     let radius = sheet.radii.iter().copied().fold(0.0, f64::max);
     let mm = solid.voxel_mm;
     let (length_mm, radius_mm) = (length * mm, radius * mm);
@@ -227,11 +241,8 @@ pub fn lattice(
 
 /// The paper's rectangle: the bounding box of the region less the margin.
 fn regular([low, high]: [Point2<f64>; 2], size: LatticeSize, margin: f64) -> Vec<Point2<f64>> {
-    let node = |i: usize, j: usize| {
-        let shares = Vector2::new(share(j, size.cols, margin), share(i, size.rows, margin));
-        low + (high - low).component_mul(&shares)
-    };
-    (0..size.rows * size.cols).map(|n| node(n / size.cols, n % size.cols)).collect()
+    let shares = equal_shares(size, margin);
+    shares.iter().map(|s| low + (high - low).component_mul(&s.coords)).collect()
 }
 
 /// Places of the nodes, and of the rim before those of the edge.
@@ -249,25 +260,33 @@ fn fitted(
     inset: f64,
     cancel: &dyn Cancel,
 ) -> Result<NodesAndRim, Cancelled> {
-    /// Size of the lattice that spaces the patch.
+    /// Size of the lattice that spaces the patch. With fewer nodes it cuts off bends; with more it takes longer to slide.
     const EVEN: LatticeSize = LatticeSize { rows: 25, cols: 49 };
-    let even = evenly_spaced(patch, EVEN, inset, cancel)?;
-    let places = |shares: &[Point2<f64>]| -> Vec<Point2<f64>> { shares.iter().map(|s| patch.at(*s)).collect() };
-    let inner = Patch::of_nodes(EVEN.rows, EVEN.cols, &places(&even));
-    let pushed: Vec<Point2<f64>> = even.iter().enumerate().map(|(n, s)| pushed_to_rim(EVEN, n, *s)).collect();
-    let outer = Patch::of_nodes(EVEN.rows, EVEN.cols, &places(&pushed));
-    let shares = evenly_spaced(&inner, size, margin, cancel)?;
-    let nodes = shares.iter().map(|s| inner.at(*s)).collect();
-    let rim = ring(size).into_iter().map(|n| outer.at(pushed_to_rim(size, n, shares[n]))).collect();
+    let mut even = evenly_spaced(patch, EVEN, inset, cancel)?;
+    let inner = Patch::of_nodes(EVEN.rows, EVEN.cols, &patch.places(&even));
+    push_to_rim(EVEN, &mut even);
+    let outer = Patch::of_nodes(EVEN.rows, EVEN.cols, &patch.places(&even));
+    let mut shares = evenly_spaced(&inner, size, margin, cancel)?;
+    let nodes = inner.places(&shares);
+    push_to_rim(size, &mut shares);
+    let rim = ring(size).into_iter().map(|n| outer.at(shares[n])).collect();
     Ok((nodes, rim))
 }
 
-/// The share on the rim that a node of the edge looks out to; inner nodes stay.
-fn pushed_to_rim(size: LatticeSize, node: usize, shares: Point2<f64>) -> Point2<f64> {
-    let outward = |k: usize, count: usize, share: f64| match k {
+/// Moves the shares of the nodes of the edge to the rim that they look out to.
+fn push_to_rim(size: LatticeSize, shares: &mut [Point2<f64>]) {
+    let LatticeSize { rows, cols } = size;
+    for (n, share) in shares.iter_mut().enumerate() {
+        share.x = outward(n % cols, cols, share.x);
+        share.y = outward(n / cols, rows, share.y);
+    }
+}
+
+/// The share of the k-th node of a line: that of the rim at its ends.
+fn outward(k: usize, count: usize, share: f64) -> f64 {
+    match k {
         0 => 0.0,
         k if k + 1 == count => 1.0,
         _ => share,
-    };
-    Point2::new(outward(node % size.cols, size.cols, shares.x), outward(node / size.cols, size.rows, shares.y))
+    }
 }

@@ -5,11 +5,13 @@
 //! we walk outward along the sheet by the gap between the distance straight ahead and the radius,
 //! until there is none.
 
-use nalgebra::{Matrix3, Point2, Point3, SymmetricEigen, Vector2, Vector3};
-
-use crate::numerics::field::floor_index;
+use nalgebra::{Matrix3, Point2, Point3, Vector2, Vector3};
 
 use crate::cancel::{Cancel, Cancelled};
+use crate::numerics::field::floor_index;
+use crate::numerics::moments::Axes3;
+use crate::numerics::polyline::Polyline;
+use crate::numerics::smooth::gaussian_around;
 use crate::pipeline::lattice::map::{Node, SpaceFromPlane};
 use crate::pipeline::plane::region::Region;
 use crate::pipeline::plane::strip::SheetPoints;
@@ -51,57 +53,59 @@ pub fn to_rim(
     cancel: &dyn Cancel,
 ) -> Result<WholeSheet, Cancelled> {
     let mut whole = WholeSheet { region: region.clone(), points: points.clone() };
-    let outline = evenly(&region.outline());
+    let outline = smooth_outline(region);
     if outline.len() < 8 {
         return Ok(whole);
     }
-    let [x, y] = [0, 1].map(|axis| smoothed(&outline.iter().map(|p| p[axis]).collect::<Vec<f64>>()));
-    let outline: Vec<Point2<f64>> = x.into_iter().zip(y).map(|(x, y)| Point2::new(x, y)).collect();
-    let outward: Vec<Vector2<f64>> = (0..outline.len()).map(|k| outward(&outline, k)).collect();
     let map = SpaceFromPlane::new(&points.flat, &points.positions, &points.radii);
-    let walks: Vec<Walk> = outline
-        .iter()
-        .zip(&outward)
-        .map(|(q, o)| {
-            cancel.check()?;
-            let start = map.node(q - o * START);
-            let met = Walk::to_hinge(&start, *o, hinge, depth);
-            Ok(met.unwrap_or_else(|| Walk::to_rim(&start, *o, solid, depth)))
-        })
-        .collect::<Result<_, _>>()?;
-    let shifts = smoothed(&walks.iter().map(|w| w.length - START).collect::<Vec<f64>>());
-    let moved: Vec<Point2<f64>> =
-        outline.iter().zip(outward.iter().zip(&shifts)).map(|(q, (o, s))| q + o * *s).collect();
-    whole.region = region.reshaped(&moved);
-    for ((q, o), walk) in outline.iter().zip(&outward).zip(&walks) {
-        // Points of the sheet's own go as far as the outline.
-        let mut walked = START;
-        while walked <= walk.length + STEP {
-            whole.points.flat.push(q + o * (walked - START));
-            whole.points.positions.push(walk.from + walk.direction * walked);
-            whole.points.radii.push(walk.radius(walked, depth));
-            walked += PITCH;
-        }
+    let mut walks = Vec::with_capacity(outline.len());
+    for (k, q) in outline.iter().enumerate() {
+        cancel.check()?;
+        let outward = outward(&outline, k);
+        let start = map.node(q - outward * START);
+        let met = Walk::to_hinge(&start, outward, hinge, depth);
+        walks.push(met.unwrap_or_else(|| Walk::to_rim(&start, outward, solid, depth)));
+    }
+    whole.region = region.reshaped(&moved(&outline, &walks));
+    for (q, walk) in outline.iter().zip(&walks) {
+        whole.add_walk(*q, walk, depth);
     }
     Ok(whole)
 }
 
-/// Points at equal distances along a closed curve, [`PITCH`] apart.
-fn evenly(curve: &[Point2<f64>]) -> Vec<Point2<f64>> {
-    let edge = |k: usize| (curve[k], curve[(k + 1) % curve.len()]);
-    let length: f64 = (0..curve.len()).map(|k| (edge(k).1 - edge(k).0).norm()).sum();
-    let count = floor_index((length / PITCH).round()).max(1);
-    let (mut points, mut reached) = (Vec::with_capacity(count), 0.0);
-    for k in 0..curve.len() {
-        let (a, b) = edge(k);
-        let step = (b - a).norm();
-        while points.len() < count && points.len() as f64 * length / count as f64 <= reached + step {
-            let t = (points.len() as f64 * length / count as f64 - reached) / step.max(1e-12);
-            points.push(a + (b - a) * t);
+impl WholeSheet {
+    /// Adds the points of a walk that crosses the outline at `q`. Points of the sheet's own go as far as there.
+    fn add_walk(&mut self, q: Point2<f64>, walk: &Walk, depth: &Depth) {
+        let mut walked = START;
+        while walked <= walk.length + STEP {
+            self.points.flat.push(q + walk.outward * (walked - START));
+            self.points.positions.push(walk.from + walk.direction * walked);
+            self.points.radii.push(walk.radius(walked, depth));
+            walked += PITCH;
         }
-        reached += step;
     }
-    points
+}
+
+/// The outline of a region without the steps of its voxels, in points [`PITCH`] apart.
+fn smooth_outline(region: &Region) -> Vec<Point2<f64>> {
+    let points: Vec<Vector2<f64>> = region.outline().iter().map(|p| p.coords).collect();
+    if points.is_empty() {
+        return Vec::new();
+    }
+    let line = Polyline::closed(points);
+    let points = line.evenly_around(floor_index((line.length() / PITCH).round()).max(1));
+    gaussian_around(&points, SIGMA / PITCH).into_iter().map(Point2::from).collect()
+}
+
+/// The outline moved to where the walks end, but smooth.
+fn moved(outline: &[Point2<f64>], walks: &[Walk]) -> Vec<Point2<f64>> {
+    let shifts: Vec<f64> = walks.iter().map(|walk| walk.length - START).collect();
+    let shifts = gaussian_around(&shifts, SIGMA / PITCH);
+    let mut moved = Vec::with_capacity(outline.len());
+    for (k, q) in outline.iter().enumerate() {
+        moved.push(q + walks[k].outward * shifts[k]);
+    }
+    moved
 }
 
 /// Unit outward normal of a counter-clockwise curve.
@@ -120,6 +124,9 @@ fn ahead_of(node: &Node, outward: Vector2<f64>) -> Vector3<f64> {
 
 /// A way along the sheet, straight outward to its rim.
 struct Walk {
+    /// Unit direction in the plane.
+    outward: Vector2<f64>,
+    /// Where it starts, well inside.
     from: Point3<f64>,
     direction: Vector3<f64>,
     /// Radius where it starts.
@@ -133,38 +140,14 @@ struct Walk {
 impl Walk {
     /// To where other sheets are met, if that is on the way.
     fn to_hinge(node: &Node, outward: Vector2<f64>, hinge: &[Point3<f64>], depth: &Depth) -> Option<Self> {
-        /// How far to the side of the way points of the hinge still count, voxels.
-        const ASIDE: f64 = 2.5;
-        /// Cosine between the way and the hinge above which the way leads along it: 30°.
-        const ALONG: f64 = 0.85;
-        /// Radius in which the direction of the hinge is taken, voxels.
-        const LOCAL: f64 = 6.0;
         let direction = ahead_of(node, outward);
-        let (mut sum, mut count) = (Vector3::zeros(), 0.0);
-        for h in hinge {
-            let v = h - node.position;
-            let along = v.dot(&direction);
-            if along > -1.0 && along < START + REACH && (v - direction * along).norm() < ASIDE {
-                sum += v;
-                count += 1.0;
-            }
-        }
-        if count == 0.0 {
-            return None;
-        }
-        let way = sum / count;
-        let near = hinge.iter().map(|h| h - node.position - way).filter(|v| v.norm() < LOCAL);
-        let spread: Matrix3<f64> = near.map(|v| v * v.transpose()).sum();
-        let eigen = SymmetricEigen::new(spread);
-        if eigen.eigenvectors.column(eigen.eigenvalues.imax()).dot(&direction).abs() > ALONG {
-            return None;
-        }
+        let way = way_to_hinge(node.position, direction, hinge)?;
         let length = way.dot(&direction);
-        if length <= 0.0 {
+        if length <= 0.0 || leads_along(hinge, node.position, way, direction) {
             return None;
         }
-        let met = depth.at(node.position + way);
-        Some(Self { from: node.position, direction: way / length, radius: node.value, ahead: met + length, length })
+        let (from, ahead) = (node.position, depth.at(node.position + way) + length);
+        Some(Self { outward, from, direction: way / length, radius: node.value, ahead, length })
     }
 
     /// To the rim.
@@ -172,7 +155,7 @@ impl Walk {
         let direction = ahead_of(node, outward);
         let reach = node.value + 2.0 * (START + REACH);
         let ahead = solid.level.first_zero(node.position, direction, reach).unwrap_or(reach);
-        let mut walk = Self { from: node.position, direction, radius: node.value, ahead, length: 0.0 };
+        let mut walk = Self { outward, from: node.position, direction, radius: node.value, ahead, length: 0.0 };
         let mut before = walk.gap(depth);
         while before > TOUCHING && walk.length < START + REACH {
             if before < 2.0 * TOUCHING && walk.is_past_rim(depth) {
@@ -191,7 +174,7 @@ impl Walk {
 
     /// Distance to the boundary straight ahead less that to the nearest part of it, at the end.
     fn gap(&self, depth: &Depth) -> f64 {
-        self.ahead - self.length - depth.at(self.from + self.direction * self.length)
+        self.ahead - self.length - self.depth_at(self.length, depth)
     }
 
     /// Whether the boundary comes nearer as fast as one walks: beyond the rim of a round end, where the
@@ -199,8 +182,13 @@ impl Walk {
     fn is_past_rim(&self, depth: &Depth) -> bool {
         /// Length over which that is looked at, voxels, and the share of it that counts as all.
         const WINDOW: (f64, f64) = (1.0, 0.8);
-        let depth_at = |walked: f64| depth.at(self.from + self.direction * walked);
-        depth_at(self.length) - depth_at(self.length + WINDOW.0) > WINDOW.0 * WINDOW.1
+        let end = self.depth_at(self.length, depth);
+        end - self.depth_at(self.length + WINDOW.0, depth) > WINDOW.0 * WINDOW.1
+    }
+
+    /// Depth of a place on the way.
+    fn depth_at(&self, walked: f64, depth: &Depth) -> f64 {
+        depth.at(self.from + self.direction * walked)
     }
 
     /// Radius on the way: that of the rim is what is left ahead of it. The depth itself is too
@@ -208,20 +196,39 @@ impl Walk {
     fn radius(&self, walked: f64, depth: &Depth) -> f64 {
         let share = walked / self.length.max(1e-6);
         let linear = self.radius + (self.ahead - self.length - self.radius) * share.min(1.0);
-        linear.max(depth.at(self.from + self.direction * walked))
+        linear.max(self.depth_at(walked, depth))
     }
 }
 
-/// Gaussian mean along the closed outline.
-fn smoothed(values: &[f64]) -> Vec<f64> {
-    let sigma = SIGMA / PITCH;
-    let reach = floor_index((3.0 * sigma).ceil());
-    let weights: Vec<f64> = (0..=reach).map(|d| (-0.5 * (d as f64 / sigma).powi(2)).exp()).collect();
-    let total = weights[0] + 2.0 * weights[1..].iter().sum::<f64>();
-    let count = values.len();
-    let mean = |k: usize| {
-        let pair = |d: usize| values[(k + d) % count] + values[(k + count * (1 + reach) - d) % count];
-        (weights[0] * values[k] + (1..=reach).map(|d| weights[d] * pair(d)).sum::<f64>()) / total
-    };
-    (0..count).map(mean).collect()
+/// The way from a place to the middle of the points of a hinge that a direction leads to; `None` where it leads to none.
+fn way_to_hinge(from: Point3<f64>, direction: Vector3<f64>, hinge: &[Point3<f64>]) -> Option<Vector3<f64>> {
+    /// How far to the side of the way points of the hinge still count, voxels: neighbouring points of a hinge are up to
+    /// 1.7 apart. With less, ways pass between them; with more, ways beside the end of a hinge are bent to it.
+    const ASIDE: f64 = 2.5;
+    let (mut sum, mut count) = (Vector3::zeros(), 0.0);
+    for h in hinge {
+        let v = h - from;
+        let along = v.dot(&direction);
+        if along > -1.0 && along < START + REACH && (v - direction * along).norm() < ASIDE {
+            sum += v;
+            count += 1.0;
+        }
+    }
+    (count > 0.0).then(|| sum / count)
+}
+
+/// Whether a way leads along a hinge and not to it.
+fn leads_along(hinge: &[Point3<f64>], from: Point3<f64>, way: Vector3<f64>, direction: Vector3<f64>) -> bool {
+    /// Cosine between the way and the hinge above which the way leads along it: 30°.
+    const ALONG: f64 = 0.85;
+    /// Radius in which the direction of the hinge is taken, voxels: less shows its steps, more its bends.
+    const LOCAL: f64 = 6.0;
+    let mut spread = Matrix3::zeros();
+    for h in hinge {
+        let v = h - from - way;
+        if v.norm() < LOCAL {
+            spread += v * v.transpose();
+        }
+    }
+    Axes3::of(spread).directions[0].dot(&direction).abs() > ALONG
 }

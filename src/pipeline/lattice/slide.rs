@@ -1,21 +1,33 @@
 //! Nodes of a patch, slid along rows and columns until they are equally spaced along both.
 
-use nalgebra::Point2;
+use nalgebra::{Point2, Vector2};
 
 use super::patch::Patch;
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::LatticeSize;
+use crate::numerics::polyline::Polyline;
 
 /// Rounds of sliding at most; 20 bring the spacing below 1 % of its mean on ellipses.
 const SLIDE_ROUNDS: usize = 30;
 /// Largest movement, as a share of the lattice, at which sliding ends.
 const SLIDE_TOLERANCE: f64 = 5e-4;
-/// Pieces in which the length of an edge is measured.
+/// Pieces in which the length of an edge is measured: with one, bends between two nodes are cut short.
 const EDGE_PIECES: usize = 3;
 
 /// Position of the k-th of `count` equally spaced values between `margin` and `1 − margin`.
 pub(super) fn share(k: usize, count: usize, margin: f64) -> f64 {
     margin + (1.0 - 2.0 * margin) * k as f64 / (count - 1) as f64
+}
+
+/// Equal shares of the nodes, row-major.
+pub(super) fn equal_shares(size: LatticeSize, margin: f64) -> Vec<Point2<f64>> {
+    let mut shares = Vec::with_capacity(size.rows * size.cols);
+    for i in 0..size.rows {
+        for j in 0..size.cols {
+            shares.push(Point2::new(share(j, size.cols, margin), share(i, size.rows, margin)));
+        }
+    }
+    shares
 }
 
 /// Shares of nodes that were equal at first, then slid along rows and columns in turn.
@@ -26,19 +38,17 @@ pub(super) fn evenly_spaced(
     cancel: &dyn Cancel,
 ) -> Result<Vec<Point2<f64>>, Cancelled> {
     let LatticeSize { rows, cols } = size;
-    let at = |s: Point2<f64>| patch.at(s);
-    let mut shares: Vec<Point2<f64>> =
-        (0..rows * cols).map(|n| Point2::new(share(n % cols, cols, margin), share(n / cols, rows, margin))).collect();
-    let first = shares.clone();
+    let first = equal_shares(size, margin);
+    let mut shares = first.clone();
     for _ in 0..SLIDE_ROUNDS {
         let mut moved = 0.0f64;
         for i in 0..rows {
             cancel.check()?;
-            moved = moved.max(slide(&mut shares, &at, |k| i * cols + k, cols));
+            moved = moved.max(slide(patch, &mut shares, Line { first: i * cols, step: 1, count: cols }));
         }
         for j in 0..cols {
             cancel.check()?;
-            moved = moved.max(slide(&mut shares, &at, |k| k * cols + j, rows));
+            moved = moved.max(slide(patch, &mut shares, Line { first: j, step: cols, count: rows }));
         }
         if moved < SLIDE_TOLERANCE {
             break;
@@ -80,45 +90,57 @@ fn upright(
 fn least_sine(patch: &Patch, size: LatticeSize, shares: &[Point2<f64>]) -> f64 {
     let LatticeSize { rows, cols } = size;
     let nodes: Vec<Point2<f64>> = shares.iter().map(|s| patch.at(*s)).collect();
-    let is_corner = |n: usize| [0, cols - 1, (rows - 1) * cols, rows * cols - 1].contains(&n);
+    let corners = [0, cols - 1, (rows - 1) * cols, rows * cols - 1];
     let mut least = 1.0f64;
-    for (i, j) in (0..rows - 1).flat_map(|i| (0..cols - 1).map(move |j| (i, j))) {
-        let quad = [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(a, b)| (i + a) * cols + j + b);
-        for k in (0..4).filter(|&k| !is_corner(quad[k])) {
-            let along = nodes[quad[(k & 2) | 1]] - nodes[quad[k & 2]];
-            let across = nodes[quad[2 | (k & 1)]] - nodes[quad[k & 1]];
-            least = least.min(along.perp(&across) / (along.norm() * across.norm()).max(1e-12));
+    for first in 0..(rows - 1) * cols {
+        if first % cols + 1 == cols {
+            continue;
+        }
+        let quad = [first, first + 1, first + cols, first + cols + 1];
+        for (k, node) in quad.iter().enumerate() {
+            if !corners.contains(node) {
+                let along = nodes[quad[(k & 2) | 1]] - nodes[quad[k & 2]];
+                let across = nodes[quad[2 | (k & 1)]] - nodes[quad[k & 1]];
+                least = least.min(along.perp(&across) / (along.norm() * across.norm()).max(1e-12));
+            }
         }
     }
     least
 }
 
+/// A row or a column of a lattice.
+#[derive(Clone, Copy)]
+struct Line {
+    /// Its first node.
+    first: usize,
+    /// From one node to the next.
+    step: usize,
+    /// Number of nodes.
+    count: usize,
+}
+
 /// Spaces the nodes of one lattice line equally along it; the ends stay. Returns the largest
 /// movement.
-fn slide(
-    shares: &mut [Point2<f64>],
-    at: &impl Fn(Point2<f64>) -> Point2<f64>,
-    line: impl Fn(usize) -> usize,
-    count: usize,
-) -> f64 {
-    let old: Vec<Point2<f64>> = (0..count).map(|k| shares[line(k)]).collect();
-    let mut reached = vec![0.0];
-    for pair in old.windows(2) {
-        let piece = |k: usize| at(pair[0] + (pair[1] - pair[0]) * (k as f64 / EDGE_PIECES as f64));
-        let length: f64 = (0..EDGE_PIECES).map(|k| (piece(k + 1) - piece(k)).norm()).sum();
-        reached.push(reached[reached.len() - 1] + length);
-    }
-    let total = reached[count - 1];
-    let (mut moved, mut edge) = (0.0f64, 0);
-    for k in 1..count - 1 {
-        let wanted = total * k as f64 / (count - 1) as f64;
-        while edge + 2 < count && reached[edge + 1] < wanted {
-            edge += 1;
-        }
-        let length = (reached[edge + 1] - reached[edge]).max(1e-12);
-        let new = old[edge] + (old[edge + 1] - old[edge]) * ((wanted - reached[edge]) / length).clamp(0.0, 1.0);
-        moved = moved.max((new - old[k]).norm());
-        shares[line(k)] = new;
+fn slide(patch: &Patch, shares: &mut [Point2<f64>], line: Line) -> f64 {
+    let old: Vec<Vector2<f64>> = (0..line.count).map(|k| shares[line.first + k * line.step].coords).collect();
+    let edges = Polyline::measured(old, |from, to| edge_length(patch, from, to));
+    let new = edges.evenly(line.count, line.count - 1);
+    let mut moved = 0.0f64;
+    for k in 1..line.count - 1 {
+        moved = moved.max((new[k] - edges.points()[k]).norm());
+        shares[line.first + k * line.step] = new[k].into();
     }
     moved
+}
+
+/// Length of the way between two shares.
+fn edge_length(patch: &Patch, from: Vector2<f64>, to: Vector2<f64>) -> f64 {
+    let mut length = 0.0;
+    let mut before = patch.at(from.into());
+    for k in 1..=EDGE_PIECES {
+        let next = patch.at((from + (to - from) * (k as f64 / EDGE_PIECES as f64)).into());
+        length += (next - before).norm();
+        before = next;
+    }
+    length
 }

@@ -10,10 +10,18 @@
 //!
 //! A sheet that forks around a notch can be laid flat, but its lattice would have to run round the
 //! notch. One of its arms is cut off.
-
-use crate::numerics::field::{floor_index, id};
+//!
+//! 1. Strings of single voxels, which no lattice covers, are taken off a sheet that has no plane of its own;
+//! 2. of a sheet that forks, an arm is cut off;
+//! 3. any other sheet without a plane is cut in two across one axis of the plane, where that leaves the lower fault;
+//! 4. and so on with the parts, as long as there may be more.
+//!
+//! The paper has no such step: its sheets are laid flat as they are.
 
 use crate::cancel::{Cancel, Cancelled};
+use crate::numerics::field::{floor_index, id};
+use crate::numerics::flood::within_steps;
+use crate::numerics::moments::bounds;
 use crate::params::{Embedding, Landmarks};
 use crate::pipeline::context::Context;
 use crate::pipeline::medial::MedialSurface;
@@ -108,16 +116,21 @@ impl Part {
     /// columns would have to cross the notch. Indices into the part.
     fn arm(&self, cancel: &dyn Cancel) -> Result<Option<Vec<usize>>, Cancelled> {
         let Some(flat) = &self.flat else { return Ok(None) };
+        let count = flat.points.len();
+        let [low, high] = bounds(&flat.points);
+        let length = ARM_LENGTH * (high.x - low.x);
+        let least = MIN_ARM.max(floor_index(ARM_POINTS * count as f64));
         let along: Vec<f64> = flat.points.iter().map(|p| p.x).collect();
-        let (low, high) = along.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
-        let least = MIN_ARM.max(floor_index(ARM_POINTS * along.len() as f64));
-        let arm_at = |end: f64| {
-            let along: Vec<f64> = along.iter().map(|x| end * x).collect();
-            arm(&self.surface, &along, ARM_LENGTH * (high - low), least, cancel)
-        };
-        let arms = [arm_at(1.0)?, arm_at(-1.0)?];
-        Ok(arms.into_iter().flatten().max_by_key(|arm| arm.len().min(along.len() - arm.len())))
+        let back = along.iter().map(std::ops::Neg::neg).collect();
+        let first = Arms::new(along, length, least).grown(&self.surface, cancel)?;
+        let other = Arms::new(back, length, least).grown(&self.surface, cancel)?;
+        Ok([first, other].into_iter().flatten().max_by_key(|arm| smaller_part(arm, count)))
     }
+}
+
+/// Points of an arm, or of what is left of `count` without it, whichever are fewer.
+fn smaller_part(arm: &[usize], count: usize) -> usize {
+    arm.len().min(count - arm.len())
 }
 
 /// Lays sheets flat and cuts them.
@@ -140,111 +153,53 @@ pub fn laid_flat(
 ) -> Result<Laid, Cancelled> {
     let params = context.params;
     let cutter = Cutter { surface, voxel_mm: solid.voxel_mm, fault: Fault::of(params.embedding), context };
-    let most = params.max_figures.unwrap_or(usize::MAX);
-    let mut count = sheets.members.len();
+    let mut spare = params.max_figures.unwrap_or(usize::MAX).saturating_sub(sheets.members.len());
     let mut label = sheets.sheet_of.clone();
     let mut laid = Vec::new();
     for (number, members) in sheets.members.iter().enumerate() {
-        let before = cutter.lay(members, params.landmarks)?;
-        let fault = before.fault;
-        let (mut parts, mut done) = (vec![before], Vec::new());
-        while let Some(part) = parts.pop() {
-            let is_refused = is_refused(surface, &part, cutter.fault, context)?;
-            let pieces = if is_refused { Vec::new() } else { cutter.pieces(&part, most - count)? };
-            if pieces.is_empty() {
-                done.push(part);
-            } else {
-                count += pieces.len() - 1;
-                parts.extend(pieces);
-            }
-        }
-        if done.len() > 1 || done[0].is_bare {
-            members.iter().for_each(|&p| label[p as usize] = NO_SHEET);
-            for (k, part) in done.iter_mut().enumerate() {
-                let own = id(sheets.members.len() + laid.len() + k);
-                part.members.iter().for_each(|&p| label[p as usize] = own);
+        let whole = cutter.lay(members, params.landmarks)?;
+        let fault = whole.fault;
+        let mut parts = cutter.cut(whole, &mut spare)?;
+        if parts.len() > 1 || parts[0].is_bare {
+            set_label(&mut label, members, NO_SHEET);
+            for (k, part) in parts.iter_mut().enumerate() {
+                set_label(&mut label, &part.members, id(sheets.members.len() + laid.len() + k));
                 if params.landmarks != Landmarks::Auto {
                     *part = cutter.lay(&part.members, params.landmarks)?;
                 }
             }
-            context.warn("sheet_cut", said(number, (cutter.fault, fault), members.len(), &done));
+            context.warn("sheet_cut", said(number, (cutter.fault, fault), members.len(), &parts));
         }
-        laid.extend(done);
+        laid.extend(parts);
     }
     if label == sheets.sheet_of {
         return Ok(Laid { sheets, flat: laid.into_iter().map(|part| part.flat).collect() });
     }
     let sheets = in_order_of_size(surface, &label, sheets.pruned, context)?;
-    let of_sheet = |members: &Vec<u32>| {
-        let own = laid.iter_mut().find(|part| members.binary_search(&part.members[0]).is_ok());
-        own.and_then(|part| part.flat.take())
-    };
-    let flat = sheets.members.iter().map(of_sheet).collect();
+    let flat = sheets.members.iter().map(|members| taken_plane(&mut laid, members)).collect();
     Ok(Laid { sheets, flat })
 }
 
-/// One of two arms with `points` points or more each that meet no less than `length` behind the tip
-/// of the shorter one: components of a superlevel set of `along`.
-fn arm(
-    surface: &Surface,
-    along: &[f64],
-    length: f64,
-    points: usize,
-    cancel: &dyn Cancel,
-) -> Result<Option<Vec<usize>>, Cancelled> {
-    let mut order: Vec<usize> = (0..along.len()).collect();
-    order.sort_by(|&a, &b| along[b].total_cmp(&along[a]));
-    let mut arm_of = vec![usize::MAX; along.len()];
-    // Points of each component, its tip first; none once it met another.
-    let mut arms: Vec<Vec<usize>> = Vec::new();
-    let (mut best, mut evenness) = (None, 0);
-    for p in order {
-        cancel.check()?;
-        let touching = surface.adjacency[p].iter().map(|&n| n as usize);
-        let linked = touching.filter(|&n| (surface.positions[n] - surface.positions[p]).norm() < LINK);
-        let mut met: Vec<usize> = linked.map(|n| arm_of[n]).filter(|a| *a != usize::MAX).collect();
-        met.sort_by(|&a, &b| along[arms[b][0]].total_cmp(&along[arms[a][0]]).then(a.cmp(&b)));
-        met.dedup();
-        let Some((&farthest, others)) = met.split_first() else {
-            arm_of[p] = arms.len();
-            arms.push(vec![p]);
-            continue;
-        };
-        for &other in others {
-            let met = std::mem::take(&mut arms[other]);
-            let is_arm = along[met[0]] - along[p] >= length && met.len().min(arms[farthest].len()) >= points;
-            // Of the two that meet, the one that leaves the more even parts.
-            for arm in [&met, &arms[farthest]] {
-                let smaller_part = arm.len().min(along.len() - arm.len());
-                if is_arm && smaller_part > evenness {
-                    evenness = smaller_part;
-                    best = Some(arm.clone());
-                }
-            }
-            met.iter().for_each(|&q| arm_of[q] = farthest);
-            arms[farthest].extend(met);
-        }
-        arm_of[p] = farthest;
-        arms[farthest].push(p);
+fn set_label(label: &mut [u32], members: &[u32], value: u32) {
+    for &p in members {
+        label[p as usize] = value;
     }
-    Ok(best)
 }
 
-/// Whether a sheet is refused for what it is, a band with one side or a ring: cut, it would look like
-/// one that is not.
-fn is_refused(surface: &MedialSurface, part: &Part, fault: Fault, cancel: &dyn Cancel) -> Result<bool, Cancelled> {
-    if !part.is_curled(fault) {
-        return Ok(false);
+/// The plane of the part that a sheet (ascending) was made of.
+fn taken_plane(parts: &mut [Part], members: &[u32]) -> Option<Flat> {
+    for part in parts {
+        if members.binary_search(&part.members[0]).is_ok() {
+            return part.flat.take();
+        }
     }
-    let region = part.flat.as_ref().map(|flat| Region::of(&flat.points, cancel)).transpose()?;
-    Ok(region.is_some_and(|region| region.hole_share > HOLES_REFUSED)
-        || !is_orientable(surface, &part.members, cancel)?)
+    None
 }
 
 /// What was done to a sheet.
 fn said(number: usize, (fault, before): (Fault, f64), points: usize, parts: &[Part]) -> String {
     let left = points - parts.iter().map(|part| part.members.len()).sum::<usize>();
-    let worst = parts.iter().map(|part| part.fault).fold(0.0, f64::max);
+    let worst = worst_fault(parts);
     let why = if before > fault.most() { "cannot be laid flat" } else { "forks around a notch" };
     let name = fault.name();
     let mut message = format!("sheet {number} {why} ({name} {before:.3})");
@@ -257,74 +212,101 @@ fn said(number: usize, (fault, before): (Fault, f64), points: usize, parts: &[Pa
     message + &format!("; the {name} is {worst:.3} at most now")
 }
 
+fn worst_fault(parts: &[Part]) -> f64 {
+    let mut worst = 0.0f64;
+    for part in parts {
+        worst = worst.max(part.fault);
+    }
+    worst
+}
+
 impl Cutter<'_> {
+    /// The parts that a sheet is cut into, itself if it stays. `spare` counts the sheets that there may still be more.
+    fn cut(&self, whole: Part, spare: &mut usize) -> Result<Vec<Part>, Cancelled> {
+        let (mut parts, mut done) = (vec![whole], Vec::new());
+        while let Some(part) = parts.pop() {
+            let pieces = if self.is_refused(&part)? { Vec::new() } else { self.pieces(&part, *spare)? };
+            if pieces.is_empty() {
+                done.push(part);
+            } else {
+                *spare -= pieces.len() - 1;
+                parts.extend(pieces);
+            }
+        }
+        Ok(done)
+    }
+
+    /// Whether a sheet is refused for what it is, a band with one side or a ring: cut, it would look like
+    /// one that is not.
+    fn is_refused(&self, part: &Part) -> Result<bool, Cancelled> {
+        if !part.is_curled(self.fault) {
+            return Ok(false);
+        }
+        if let Some(flat) = &part.flat
+            && Region::of(&flat.points, self.context)?.hole_share > HOLES_REFUSED
+        {
+            return Ok(true);
+        }
+        Ok(!is_orientable(self.surface, &part.members, self.context)?)
+    }
+
     /// What a part that cannot be laid flat, or forks, falls into, at most `more` parts more than there
     /// were; nothing when it stays. Strings are taken off first.
     fn pieces(&self, part: &Part, more: usize) -> Result<Vec<Part>, Cancelled> {
-        if part.is_curled(self.fault) && !part.is_bare {
-            let mut bare = self.without_strings(&part.members)?;
-            bare.truncate(more.saturating_add(1));
-            if bare.first().is_some_and(|largest| largest.len() < part.members.len()) {
-                let lay =
-                    |members: &Vec<u32>| self.lay(members, Landmarks::Auto).map(|part| Part { is_bare: true, ..part });
-                return bare.iter().map(lay).collect();
-            }
+        let is_curled = part.is_curled(self.fault);
+        if is_curled
+            && !part.is_bare
+            && let Some(bare) = self.bared(part, more)?
+        {
+            return Ok(bare);
         }
         if more == 0 {
             return Ok(Vec::new());
         }
-        let arm = part.arm(self.context)?;
-        let halves = if let Some(members) = arm.map(|arm| self.split(part, &arm, MIN_ARM)).transpose()?.flatten() {
-            Some(self.lay_both(part, &members)?)
-        } else if part.is_curled(self.fault) {
-            self.halves(part)?
-        } else {
-            None
-        };
+        if let Some(arm) = part.arm(self.context)?
+            && let Some(members) = self.split(part, &arm, MIN_ARM)?
+        {
+            return Ok(self.lay_both(part, &members)?.into());
+        }
+        let halves = if is_curled { self.halves(part)? } else { None };
         Ok(halves.map_or_else(Vec::new, Vec::from))
     }
 
-    /// Two parts of one, laid flat.
-    fn lay_both(&self, part: &Part, members: &[Vec<u32>; 2]) -> Result<[Part; 2], Cancelled> {
-        let halves = [self.lay(&members[0], Landmarks::Auto)?, self.lay(&members[1], Landmarks::Auto)?];
-        Ok(halves.map(|half| Part { is_bare: part.is_bare, ..half }))
+    /// A part without its strings, in at most `more` pieces more; `None` where it has none.
+    fn bared(&self, part: &Part, more: usize) -> Result<Option<Vec<Part>>, Cancelled> {
+        let mut pieces = self.without_strings(&part.members)?;
+        pieces.truncate(more.saturating_add(1));
+        if pieces.first().is_none_or(|largest| largest.len() == part.members.len()) {
+            return Ok(None);
+        }
+        let mut bare = Vec::with_capacity(pieces.len());
+        for members in &pieces {
+            bare.push(Part { is_bare: true, ..self.lay(members, Landmarks::Auto)? });
+        }
+        Ok(Some(bare))
     }
 
     /// The connected pieces of a part that are wider than a string, the largest first.
     fn without_strings(&self, members: &[u32]) -> Result<Vec<Vec<u32>>, Cancelled> {
         let part = self.surface.part(members, self.context)?;
-        let around = |start: usize| {
-            let mut near = vec![id(start)];
-            let mut from = 0;
-            for _ in 0..STRING_STEPS {
-                let layer = from..near.len();
-                from = near.len();
-                for k in layer {
-                    for &n in &part.adjacency[near[k] as usize] {
-                        if !near.contains(&n) {
-                            near.push(n);
-                        }
-                    }
-                }
-            }
-            near
-        };
         let mut is_kept = vec![false; members.len()];
         for start in 0..members.len() {
             self.context.check()?;
-            let near = around(start);
+            let near = within_steps(&part.adjacency, id(start), STRING_STEPS);
             if near.len() >= STRING_POINTS {
-                near.iter().for_each(|&k| is_kept[k as usize] = true);
+                for k in near {
+                    is_kept[k as usize] = true;
+                }
             }
         }
-        let mut left: Vec<u32> = (0..members.len()).filter(|&k| is_kept[k]).map(|k| members[k]).collect();
+        let mut left = marked(members, &is_kept);
         let mut pieces = Vec::new();
         while left.len() >= MIN_ARM {
             let piece = self.largest_piece(&left)?;
             if piece.len() < MIN_ARM {
                 break;
             }
-            left.retain(|p| piece.binary_search(p).is_err());
+            left = without(&left, &piece);
             pieces.push(piece);
         }
         Ok(pieces)
@@ -341,14 +323,26 @@ impl Cutter<'_> {
             // Said where the sheet is laid out.
             Err(_) => None,
         };
-        let fault = match (&flat, self.fault) {
-            (None, _) => 0.0,
-            (Some(flat), Fault::Residual) => flat.embedded.map_or(0.0, |embedded| embedded.residual_variance),
-            (Some(flat), Fault::TurnedOver) => {
-                flat.distortion(&surface, self.context)?.map_or(0.0, |distortion| distortion.turned_over)
-            }
+        let fault = match &flat {
+            Some(flat) => self.fault_of(flat, &surface)?,
+            None => 0.0,
         };
         Ok(Part { members, surface, flat, fault, is_bare: false })
+    }
+
+    /// What is wrong with a plane, by the measure of the embedding.
+    fn fault_of(&self, flat: &Flat, surface: &Surface) -> Result<f64, Cancelled> {
+        Ok(match self.fault {
+            Fault::Residual => flat.embedded.map_or(0.0, |embedded| embedded.residual_variance),
+            Fault::TurnedOver => flat.distortion(surface, self.context)?.map_or(0.0, |found| found.turned_over),
+        })
+    }
+
+    /// Two parts of one, laid flat.
+    fn lay_both(&self, part: &Part, [first, second]: &[Vec<u32>; 2]) -> Result<[Part; 2], Cancelled> {
+        let first = Part { is_bare: part.is_bare, ..self.lay(first, Landmarks::Auto)? };
+        let second = Part { is_bare: part.is_bare, ..self.lay(second, Landmarks::Auto)? };
+        Ok([first, second])
     }
 
     fn largest_piece(&self, members: &[u32]) -> Result<Vec<u32>, Cancelled> {
@@ -365,12 +359,11 @@ impl Cutter<'_> {
             let mut order: Vec<usize> = (0..part.members.len()).collect();
             order.sort_by(|&a, &b| flat.points[a][axis].total_cmp(&flat.points[b][axis]));
             for place in PLACES {
-                let split = floor_index(order.len() as f64 * place);
-                let Some(members) = self.split(part, &order[..split], MIN_HALF)? else { continue };
+                let low = &order[..floor_index(order.len() as f64 * place)];
+                let Some(members) = self.split(part, low, MIN_HALF)? else { continue };
                 let halves = self.lay_both(part, &members)?;
-                let worst = halves.iter().map(|half| half.fault).fold(0.0, f64::max);
-                if worst < least {
-                    least = worst;
+                if worst_fault(&halves) < least {
+                    least = worst_fault(&halves);
                     best = Some(halves);
                 }
             }
@@ -381,17 +374,116 @@ impl Cutter<'_> {
     /// Two connected parts: the largest piece of `low` (indices into the part), and the largest of
     /// the rest. What is left over goes to the first, which it touches. `None` when one is too small.
     fn split(&self, part: &Part, low: &[usize], least: usize) -> Result<Option<[Vec<u32>; 2]>, Cancelled> {
-        let mut side = vec![false; part.members.len()];
-        low.iter().for_each(|&k| side[k] = true);
-        let of = |side: &[bool], wanted: bool| -> Vec<u32> {
-            part.members.iter().zip(side).filter(|(_, s)| **s == wanted).map(|(p, _)| *p).collect()
-        };
-        let first = self.largest_piece(&of(&side, true))?;
-        let not_in = |set: &[u32]| -> Vec<u32> {
-            part.members.iter().copied().filter(|p| set.binary_search(p).is_err()).collect()
-        };
-        let second = self.largest_piece(&not_in(&first))?;
-        let first = not_in(&second);
+        let mut is_low = vec![false; part.members.len()];
+        for &k in low {
+            is_low[k] = true;
+        }
+        let first = self.largest_piece(&marked(&part.members, &is_low))?;
+        let second = self.largest_piece(&without(&part.members, &first))?;
+        let first = without(&part.members, &second);
         Ok((first.len().min(second.len()) >= least).then_some([first, second]))
+    }
+}
+
+/// The members that are marked.
+fn marked(members: &[u32], is_marked: &[bool]) -> Vec<u32> {
+    let mut left = Vec::new();
+    for (&p, &is) in members.iter().zip(is_marked) {
+        if is {
+            left.push(p);
+        }
+    }
+    left
+}
+
+/// The members that are not in `taken` (ascending).
+fn without(members: &[u32], taken: &[u32]) -> Vec<u32> {
+    members.iter().copied().filter(|p| taken.binary_search(p).is_err()).collect()
+}
+
+/// No arm.
+const NO_ARM: usize = usize::MAX;
+
+/// The arms of a sheet, grown from their tips back by the points in the order of `along`: components of its
+/// superlevel sets.
+struct Arms {
+    /// The coordinate that tips have most of.
+    along: Vec<f64>,
+    /// How far behind its tip an arm must meet another at the least.
+    length: f64,
+    /// Points it must have by then.
+    least: usize,
+    arm_of: Vec<usize>,
+    /// Points of each, its tip first; none once it met another.
+    members: Vec<Vec<usize>>,
+    /// Of all arms that met, the one that leaves the most even parts, and the points of the smaller part.
+    best: Option<Vec<usize>>,
+    evenness: usize,
+}
+
+impl Arms {
+    fn new(along: Vec<f64>, length: f64, least: usize) -> Self {
+        let arm_of = vec![NO_ARM; along.len()];
+        Self { along, length, least, arm_of, members: Vec::new(), best: None, evenness: 0 }
+    }
+
+    /// Of two arms that meet no less than `length` behind the tip of the shorter one, with `least` points or more each,
+    /// the one that leaves the more even parts.
+    fn grown(mut self, surface: &Surface, cancel: &dyn Cancel) -> Result<Option<Vec<usize>>, Cancelled> {
+        let mut order: Vec<usize> = (0..self.along.len()).collect();
+        order.sort_by(|&a, &b| self.along[b].total_cmp(&self.along[a]));
+        for p in order {
+            cancel.check()?;
+            let met = self.met_by(surface, p);
+            let own = met.first().copied().unwrap_or(self.members.len());
+            if met.is_empty() {
+                self.members.push(Vec::new());
+            }
+            for &shorter in met.iter().skip(1) {
+                self.join(shorter, own, p);
+            }
+            self.arm_of[p] = own;
+            self.members[own].push(p);
+        }
+        Ok(self.best)
+    }
+
+    /// The arms that a point touches, the one with the farthest tip first.
+    fn met_by(&self, surface: &Surface, p: usize) -> Vec<usize> {
+        let mut met = Vec::new();
+        for &n in &surface.adjacency[p] {
+            let arm = self.arm_of[n as usize];
+            let is_linked = (surface.positions[n as usize] - surface.positions[p]).norm() < LINK;
+            if is_linked && arm != NO_ARM {
+                met.push(arm);
+            }
+        }
+        met.sort_by(|&a, &b| self.tip(b).total_cmp(&self.tip(a)).then(a.cmp(&b)));
+        met.dedup();
+        met
+    }
+
+    /// Where an arm ends.
+    fn tip(&self, arm: usize) -> f64 {
+        self.along[self.members[arm][0]]
+    }
+
+    /// Two arms meet at a point and become one.
+    fn join(&mut self, shorter: usize, longer: usize, p: usize) {
+        let length = self.tip(shorter) - self.along[p];
+        let met = std::mem::take(&mut self.members[shorter]);
+        if length >= self.length && met.len().min(self.members[longer].len()) >= self.least {
+            for arm in [&met, &self.members[longer]] {
+                let smaller = smaller_part(arm, self.along.len());
+                if smaller > self.evenness {
+                    self.evenness = smaller;
+                    self.best = Some(arm.clone());
+                }
+            }
+        }
+        for &q in &met {
+            self.arm_of[q] = longer;
+        }
+        self.members[longer].extend(met);
     }
 }

@@ -11,7 +11,7 @@
 //! the bend, which makes it narrower than it is (angles off by 5° instead of 2° on a caudate), and where an eigenvector
 //! repeats another the fit is no metric.
 
-use nalgebra::{DMatrix, Matrix2, Point2, SymmetricEigen, Vector2};
+use nalgebra::{DMatrix, Matrix2, Point2, Vector2};
 
 use super::geodesics::Geodesics;
 use super::graph::neighborhood_graph;
@@ -22,6 +22,7 @@ use super::tangents::{PlaneDistortion, Tangents};
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::field::floor_index;
 use crate::numerics::graph::{Edges, Graph};
+use crate::numerics::moments::{Axes2, mean};
 use crate::numerics::sparse::EigenError;
 use crate::params::{CheckedParams, Embedding, Landmarks, Neighbors};
 use crate::pipeline::sheets::surface::Surface;
@@ -51,7 +52,7 @@ impl Flat {
     /// # Errors
     /// When it is cancelled.
     pub fn distortion(&self, surface: &Surface, cancel: &dyn Cancel) -> Result<Option<PlaneDistortion>, Cancelled> {
-        Ok(Tangents::of(surface, cancel)?.distortion(|p| self.points[p].coords))
+        Ok(Tangents::of(surface, cancel)?.distortion(&self.points))
     }
 }
 
@@ -191,50 +192,56 @@ impl<'a> Sheet<'a> {
     /// The plane of LLE.
     fn by_neighborhoods(&self, cancel: &dyn Cancel) -> Result<Option<Vec<Point2<f64>>>, EmbeddingError> {
         let found = lle(&self.surface.positions, &self.lists, cancel)?;
-        let at = |p: usize| pair(&found.vectors, p, 1);
-        Ok(self.tangents.scale(at).map(|scale| on_axes(self.lists.len(), |p| scale * at(p))))
+        let pairs = pairs(&found.vectors, 1);
+        let Some(scale) = self.tangents.scale(&pairs) else { return Ok(None) };
+        Ok(Some(on_axes(&scaled(&pairs, &scale))))
     }
 
     /// The plane of the first wave and another: of those that leave no more turned over than is
     /// allowed, the one that keeps angles best; of none, the one that leaves least.
     fn by_waves(&self, cancel: &dyn Cancel) -> Result<Option<Vec<Point2<f64>>>, EmbeddingError> {
         let found = laplacian(&self.surface.positions, &self.lists, WAVES, cancel)?;
-        let mut best: Option<([f64; 2], usize, Matrix2<f64>)> = None;
+        let mut best: Option<([f64; 2], Vec<Point2<f64>>)> = None;
         for second in 1..WAVES {
             cancel.check()?;
-            let at = |p: usize| pair(&found.vectors, p, second);
-            let Some(scale) = self.tangents.scale(at) else { continue };
-            let Some(distortion) = self.tangents.distortion(|p| scale * at(p)) else { continue };
+            let pairs = pairs(&found.vectors, second);
+            let Some(scale) = self.tangents.scale(&pairs) else { continue };
+            let scaled = scaled(&pairs, &scale);
+            let Some(distortion) = self.tangents.distortion(&scaled) else { continue };
             let loss = [distortion.turned_over.max(MAX_TURNED_OVER), distortion.angle_error_deg];
             if best.as_ref().is_none_or(|best| loss < best.0) {
-                best = Some((loss, second, scale));
+                best = Some((loss, scaled));
             }
         }
-        Ok(best.map(|(_, second, scale)| on_axes(self.lists.len(), |p| scale * pair(&found.vectors, p, second))))
+        Ok(best.map(|(_, scaled)| on_axes(&scaled)))
     }
 }
 
-/// The first coordinate of a point, and one of the others.
-fn pair(vectors: &DMatrix<f64>, point: usize, second: usize) -> Vector2<f64> {
-    Vector2::new(vectors[(point, 0)], vectors[(point, second)])
+/// The first coordinate of every point, and one of the others.
+fn pairs(vectors: &DMatrix<f64>, second: usize) -> Vec<Point2<f64>> {
+    (0..vectors.nrows()).map(|p| Point2::new(vectors[(p, 0)], vectors[(p, second)])).collect()
+}
+
+fn scaled(pairs: &[Point2<f64>], scale: &Matrix2<f64>) -> Vec<Point2<f64>> {
+    pairs.iter().map(|pair| scale * pair).collect()
 }
 
 /// Points about their mean, the first axis along their largest spread, as ISOMAP's are.
-fn on_axes(count: usize, at: impl Fn(usize) -> Vector2<f64>) -> Vec<Point2<f64>> {
-    let middle = (0..count).map(&at).sum::<Vector2<f64>>() / count as f64;
+fn on_axes(places: &[Point2<f64>]) -> Vec<Point2<f64>> {
+    let middle = mean(places);
     let mut spread = Matrix2::zeros();
-    for p in 0..count {
-        let d = at(p) - middle;
+    for place in places {
+        let d = place.coords - middle;
         spread += d * d.transpose();
     }
-    let eigen = SymmetricEigen::new(spread);
-    let along = eigen.eigenvectors.column(eigen.eigenvalues.imax()).into_owned();
+    let [along, _] = Axes2::of(spread).directions;
     let across = Vector2::new(-along.y, along.x);
-    let place = |p: usize| {
-        let d = at(p) - middle;
-        Point2::new(along.dot(&d), across.dot(&d))
-    };
-    (0..count).map(place).collect()
+    let mut points = Vec::with_capacity(places.len());
+    for place in places {
+        let d = place.coords - middle;
+        points.push(Point2::new(along.dot(&d), across.dot(&d)));
+    }
+    points
 }
 
 #[cfg(test)]

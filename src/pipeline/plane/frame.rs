@@ -13,15 +13,15 @@
 //!
 //! Every rule has a cliff, where a little noise would turn the frame. There it is called ambiguous.
 
-use nalgebra::{Matrix2, Matrix3x2, Point2, Point3, SymmetricEigen, Vector2, Vector3};
-
-use crate::model::{FrameFacts, FrameRule};
-use crate::space::WorldVector;
+use nalgebra::{Matrix2, Matrix3x2, Point2, Point3, Vector2, Vector3};
 
 use crate::cancel::{Cancel, Cancelled};
+use crate::model::{FrameFacts, FrameRule};
+use crate::numerics::moments::{Axes2, mean};
 use crate::pipeline::plane::region::Region;
 use crate::pipeline::sheets::sides::SheetSides;
 use crate::pipeline::solid::Solid;
+use crate::space::WorldVector;
 
 /// Ratio of the extents up to which the world chooses the axes: below it, an eigenvector moves by
 /// more than 15° when one edge of a sheet of 20 voxels moves by one.
@@ -46,34 +46,60 @@ pub fn in_frame(
     let region = Region::of(flat, cancel)?;
     let world_from_plane = world_from_plane(flat, &sheet.medial.positions, solid);
     let (rule, axes, aspect) = axes(&region, flat, &world_from_plane);
-    let mut ambiguities = Vec::new();
-    let mut note = |what: &str, why: Option<&str>| ambiguities.extend(why.map(|why| format!("{what} {why}")));
-    note("the sheet", (aspect < AMBIGUOUS_ASPECT).then_some("is nearly as wide as it is long"));
-    let mut sensed = |what: &str, direction: WorldVector| {
-        let sense = solid.senses.of_direction(direction);
-        note(what, sense.ambiguity);
-        sense.sign
-    };
+    let mut senses = Senses { solid, ambiguities: Vec::new() };
+    if aspect < AMBIGUOUS_ASPECT {
+        senses.ambiguities.push("the sheet is nearly as wide as it is long".to_owned());
+    }
     let [cols, rows] = axes.map(|axis| world_from_plane * axis);
-    let signs = Vector2::new(sensed("the direction of the columns", cols), sensed("the direction of the rows", rows));
+    let cols_sign = senses.sign_of("the direction of the columns", cols);
+    let rows_sign = senses.sign_of("the direction of the rows", rows);
+    let upper = mean_normal(sheet, solid);
     // The sides are turned already.
-    let upper = sheet.normals.iter().map(|n| world_direction(*n, solid)).sum::<WorldVector>();
-    let upper = upper / sheet.normals.len().max(1) as f64;
-    sensed("the upper side", upper);
-    let points = flat
-        .iter()
-        .map(|p| Point2::from(Vector2::new(axes[0].dot(&p.coords), axes[1].dot(&p.coords)).component_mul(&signs)))
-        .collect();
-    let unit = |v: WorldVector| v.try_normalize(1e-9).unwrap_or_default();
+    senses.sign_of("the upper side", upper);
+    let mut points = Vec::with_capacity(flat.len());
+    for p in flat {
+        points.push(Point2::new(axes[0].dot(&p.coords) * cols_sign, axes[1].dot(&p.coords) * rows_sign));
+    }
     let facts = FrameFacts {
         rule,
-        cols_along: unit(cols * signs.x),
-        rows_along: unit(rows * signs.y),
+        cols_along: unit(cols * cols_sign),
+        rows_along: unit(rows * rows_sign),
         upper_towards: unit(upper),
         aspect,
-        ambiguities,
+        ambiguities: senses.ambiguities,
     };
     Ok((points, facts))
+}
+
+/// The senses of directions in the world, and which of them are in doubt.
+struct Senses<'a> {
+    solid: &'a Solid,
+    ambiguities: Vec<String>,
+}
+
+impl Senses<'_> {
+    /// +1 for the positive sense of what `name` says, −1 for the other.
+    fn sign_of(&mut self, name: &str, direction: WorldVector) -> f64 {
+        let sense = self.solid.senses.of_direction(direction);
+        if let Some(why) = sense.ambiguity {
+            self.ambiguities.push(format!("{name} {why}"));
+        }
+        sense.sign
+    }
+}
+
+/// The mean of a sheet's normals in the world.
+fn mean_normal(sheet: &SheetSides, solid: &Solid) -> WorldVector {
+    let mut sum = WorldVector::zeros();
+    for normal in &sheet.normals {
+        sum += world_direction(*normal, solid);
+    }
+    sum / sheet.normals.len().max(1) as f64
+}
+
+/// Of length 1, or none at all.
+fn unit(direction: WorldVector) -> WorldVector {
+    direction.try_normalize(1e-9).unwrap_or_default()
 }
 
 /// Directions of columns and rows in the plane, how they were found, and the ratio of the extents.
@@ -92,9 +118,7 @@ fn axes(
         let axes = if a.dot(&(superior * a)) >= b.dot(&(superior * b)) { [a, b] } else { [b, a] };
         return (FrameRule::SuperiorOfEqualAxes, axes, aspect);
     }
-    let eigen = SymmetricEigen::new(superior);
-    let most = if eigen.eigenvalues[0] >= eigen.eigenvalues[1] { 0 } else { 1 };
-    let cols = eigen.eigenvectors.column(most).into_owned();
+    let [cols, _] = Axes2::of(superior).directions;
     (FrameRule::SuperiorDirection, [cols, Vector2::new(-cols.y, cols.x)], aspect)
 }
 
@@ -111,7 +135,7 @@ fn superior_form(world_from_plane: &Matrix3x2<f64>) -> Matrix2<f64> {
 /// The two axes of a sheet with four corners, which lie half-way between them: from the fourth
 /// angular moment Σ r⁴ e^(4iφ) about the centroid. `None` for a round sheet.
 fn cornered_axes(flat: &[Point2<f64>]) -> Option<[Vector2<f64>; 2]> {
-    let centre = flat.iter().map(|p| p.coords).sum::<Vector2<f64>>() / flat.len().max(1) as f64;
+    let centre = mean(flat);
     let (mut moment, mut total) = (Vector2::zeros(), 0.0);
     for p in flat {
         let d = p.coords - centre;
@@ -129,9 +153,7 @@ fn cornered_axes(flat: &[Point2<f64>]) -> Option<[Vector2<f64>; 2]> {
 /// The linear map from the plane to the world that fits the flattened points best: its columns are
 /// the mean directions of the plane's axes in space, 1 long for a flat sheet.
 fn world_from_plane(flat: &[Point2<f64>], positions: &[Point3<f64>], solid: &Solid) -> Matrix3x2<f64> {
-    let count = flat.len().max(1) as f64;
-    let centre = flat.iter().map(|p| p.coords).sum::<Vector2<f64>>() / count;
-    let middle = positions.iter().map(|p| p.coords).sum::<Vector3<f64>>() / count;
+    let (centre, middle) = (mean(flat), mean(positions));
     let (mut across, mut own) = (Matrix3x2::zeros(), Matrix2::zeros());
     for (p, x) in flat.iter().zip(positions) {
         let d = p.coords - centre;
@@ -139,8 +161,7 @@ fn world_from_plane(flat: &[Point2<f64>], positions: &[Point3<f64>], solid: &Sol
         own += d * d.transpose();
     }
     let work_from_plane = across * own.try_inverse().unwrap_or_else(Matrix2::zeros);
-    let column = |k: usize| world_direction(work_from_plane.column(k).into_owned(), solid);
-    Matrix3x2::from_columns(&[column(0), column(1)])
+    Matrix3x2::from_columns(&[0, 1].map(|k| world_direction(work_from_plane.column(k).into_owned(), solid)))
 }
 
 /// A direction of work space in the world, of the same length.

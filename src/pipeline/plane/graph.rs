@@ -8,7 +8,8 @@ use rayon::prelude::*;
 
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::field::{floor_index, id};
-use crate::numerics::graph::{Edges, Graph};
+use crate::numerics::graph::{Edges, Graph, keep_shortest};
+use crate::numerics::parallel::{of_each, of_each_with};
 use crate::params::Neighbors;
 use crate::pipeline::sheets::surface::Surface;
 
@@ -18,10 +19,11 @@ pub const AUTO_RADIUS: f64 = 4.0;
 /// Steps from voxel to voxel, per voxel of distance, within which an edge's ends must be joined.
 /// A straight diagonal needs 1; the staircase of a surface up to 1.5.
 const STEPS_PER_VOXEL: f64 = 1.5;
-/// Points that one thread takes at a time: fewer are not worth handing over.
-const POINTS_PER_TASK: usize = 256;
 
 /// The neighbourhood graph, and how many pieces it was in before touching points joined them.
+///
+/// # Errors
+/// When it is cancelled.
 pub(super) fn neighborhood_graph(
     surface: &Surface,
     neighbors: Neighbors,
@@ -29,56 +31,60 @@ pub(super) fn neighborhood_graph(
     cancel: &dyn Cancel,
 ) -> Result<(Graph, usize), Cancelled> {
     let count = surface.positions.len();
-    let found = |around: &mut Around, a: usize| {
-        cancel.check()?;
-        let mut list = match neighbors {
-            Neighbors::Auto => around.within(surface, a, AUTO_RADIUS),
-            Neighbors::RadiusMm(radius) => around.within(surface, a, radius / voxel_mm),
-            Neighbors::Count(k) => around.nearest(surface, a, k),
-        };
-        list.sort_unstable_by_key(|e| e.0);
-        Ok(list)
-    };
-    let points = (0..count).into_par_iter().with_min_len(POINTS_PER_TASK);
-    let lists = points.map_init(|| Around::new(count), found).collect::<Result<_, Cancelled>>();
-    let mut lists: Vec<Edges> = lists?;
-    // Of two points, one may see the other only: an edge has two ends.
-    let unseen = |(a, list): (usize, &Edges)| {
-        cancel.check()?;
-        let is_unseen = |e: &&(u32, f32)| lists[e.0 as usize].binary_search_by_key(&id(a), |e| e.0).is_err();
-        Ok(list.iter().filter(is_unseen).map(|&(b, length)| (b, (id(a), length))).collect::<Vec<_>>())
-    };
-    let missing = lists.par_iter().enumerate().with_min_len(POINTS_PER_TASK).map(unseen);
-    let missing = missing.collect::<Result<Vec<_>, Cancelled>>()?;
-    for (b, edge) in missing.into_iter().flatten() {
-        lists[b as usize].push(edge);
-    }
-    lists.par_iter_mut().try_for_each(|list| {
-        list.sort_unstable_by_key(|e| e.0);
-        cancel.check()
-    })?;
+    let seen = |around: &mut Around, a: usize| around.seen_from(surface, a, neighbors, voxel_mm);
+    let mut lists = of_each_with(count, || Around::new(count), seen, cancel)?;
+    add_other_ends(&mut lists, cancel)?;
     let order = in_tiles(&surface.positions);
     let graph = Graph::from_lists(&lists, &order, cancel)?;
     let (piece, sizes) = graph.components(cancel)?;
     if sizes.len() == 1 {
         return Ok((graph, 1));
     }
-    for (a, list) in surface.adjacency.iter().enumerate() {
-        // No edge joins two pieces yet: none comes twice.
-        for &b in list.iter().filter(|b| piece[a] != piece[**b as usize]) {
-            lists[a].push((b, length_between(surface, a, b as usize)));
+    join_pieces(&mut lists, &piece, surface);
+    Ok((Graph::from_lists(&lists, &order, cancel)?, sizes.len()))
+}
+
+/// Of two points, one may see the other only: an edge has two ends.
+fn add_other_ends(lists: &mut [Edges], cancel: &dyn Cancel) -> Result<(), Cancelled> {
+    let missing = of_each(lists.len(), |a| unseen_ends(lists, a), cancel)?;
+    for (b, edge) in missing.into_iter().flatten() {
+        lists[b as usize].push(edge);
+    }
+    lists.par_iter_mut().try_for_each(|list| {
+        list.sort_unstable_by_key(|edge| edge.0);
+        cancel.check()
+    })
+}
+
+/// The other ends of the edges that are seen from `a` only: points, each with its edge.
+fn unseen_ends(lists: &[Edges], a: usize) -> Vec<(u32, (u32, f32))> {
+    let mut unseen = Vec::new();
+    for &(b, length) in &lists[a] {
+        if lists[b as usize].binary_search_by_key(&id(a), |edge| edge.0).is_err() {
+            unseen.push((b, (id(a), length)));
         }
     }
-    Ok((Graph::from_lists(&lists, &order, cancel)?, sizes.len()))
+    unseen
+}
+
+/// Joins the pieces of a graph through points that touch.
+fn join_pieces(lists: &mut [Edges], piece: &[usize], surface: &Surface) {
+    for (a, list) in surface.adjacency.iter().enumerate() {
+        for &b in list {
+            // No edge joins two pieces yet: none comes twice.
+            if piece[a] != piece[b as usize] {
+                lists[a].push((b, length_between(surface, a, b as usize)));
+            }
+        }
+    }
 }
 
 /// The points in an order in which those of one part of space follow one another.
 fn in_tiles(positions: &[Point3<f64>]) -> Vec<u32> {
     /// Edge of the parts, voxels: the edges of one stay in a core's fast memory.
     const TILE: f64 = 16.0;
-    let tile = |p: u32| [2, 1, 0].map(|axis| floor_index(positions[p as usize][axis] / TILE));
     let mut order: Vec<u32> = (0..id(positions.len())).collect();
-    order.sort_by_cached_key(|&p| tile(p));
+    order.sort_by_cached_key(|&p| [2, 1, 0].map(|axis| floor_index(positions[p as usize][axis] / TILE)));
     order
 }
 
@@ -100,6 +106,17 @@ impl Around {
     /// For surfaces of so many points.
     pub fn new(count: usize) -> Self {
         Self { seen: vec![0; count], round: 0, queue: Vec::new() }
+    }
+
+    /// The neighbours of `a`, ascending.
+    fn seen_from(&mut self, surface: &Surface, a: usize, neighbors: Neighbors, voxel_mm: f64) -> Edges {
+        let mut list = match neighbors {
+            Neighbors::Auto => self.within(surface, a, AUTO_RADIUS),
+            Neighbors::RadiusMm(radius) => self.within(surface, a, radius / voxel_mm),
+            Neighbors::Count(k) => self.nearest(surface, a, k),
+        };
+        list.sort_unstable_by_key(|edge| edge.0);
+        list
     }
 
     /// Points within `radius` of `a` that touching points inside that ball join to it in few steps.
@@ -146,8 +163,7 @@ impl Around {
                 break;
             }
         }
-        found.sort_by(|x, y| x.1.total_cmp(&y.1).then(x.0.cmp(&y.0)));
-        found.truncate(k);
+        keep_shortest(&mut found, k);
         found
     }
 }

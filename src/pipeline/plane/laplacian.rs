@@ -11,7 +11,7 @@
 
 use nalgebra::{DVector, Point3};
 
-use crate::cancel::Cancel;
+use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::field::id;
 use crate::numerics::graph::Edges;
 use crate::numerics::sparse::{EigenError, Smallest, Sparse, smallest};
@@ -27,14 +27,30 @@ pub fn laplacian(
     cancel: &dyn Cancel,
 ) -> Result<Smallest, EigenError> {
     let heat = heat(lists);
-    // D^½.
+    let roots = roots(lists, heat, cancel)?;
+    let matrix = matrix(lists, heat, &roots, cancel)?;
+    let known = roots.normalize();
+    let mut found = smallest(&matrix, positions, count, Some(&known), cancel)?;
+    for mut wave in found.vectors.column_iter_mut() {
+        wave.component_div_assign(&roots);
+    }
+    Ok(found)
+}
+
+/// D^½.
+fn roots(lists: &[Edges], heat: f64, cancel: &dyn Cancel) -> Result<DVector<f64>, Cancelled> {
     let mut roots = DVector::from_element(lists.len(), 1.0);
     for (a, list) in lists.iter().enumerate() {
         cancel.check()?;
-        // A point without edges is a piece of its own.
         let sum: f64 = list.iter().map(|edge| weight(edge.1, heat)).sum();
+        // A point without edges is a piece of its own.
         roots[a] = if sum > 0.0 { sum.sqrt() } else { 1.0 };
     }
+    Ok(roots)
+}
+
+/// 1 − D^−½ W D^−½.
+fn matrix(lists: &[Edges], heat: f64, roots: &DVector<f64>, cancel: &dyn Cancel) -> Result<Sparse, Cancelled> {
     let mut rows = Vec::with_capacity(lists.len());
     for (a, list) in lists.iter().enumerate() {
         cancel.check()?;
@@ -46,12 +62,7 @@ pub fn laplacian(
         row.sort_unstable_by_key(|entry| entry.0);
         rows.push(row);
     }
-    let known = roots.normalize();
-    let mut found = smallest(&Sparse::from_rows(rows), positions, count, Some(&known), cancel)?;
-    for mut wave in found.vectors.column_iter_mut() {
-        wave.component_div_assign(&roots);
-    }
-    Ok(found)
+    Ok(Sparse::from_rows(rows))
 }
 
 /// t: the mean of the squared lengths of the edges.

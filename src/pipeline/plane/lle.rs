@@ -18,13 +18,15 @@
 //! with the median point's, else three. On a smooth sheet it takes three for half of all points, which lets
 //! the plane bend there: we take two wherever a neighbourhood is as flat as [`FLAT`].
 
-use nalgebra::{DVector, Matrix3, Point3, SymmetricEigen, Vector3};
-use rayon::prelude::*;
+use nalgebra::{DVector, Matrix3, Point3, Vector3};
 
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::field::id;
-use crate::numerics::graph::Edges;
-use crate::numerics::sparse::{EigenError, Smallest, Sparse, smallest};
+use crate::numerics::graph::{Edges, keep_shortest};
+use crate::numerics::moments::Axes3;
+use crate::numerics::parallel::{of_each, of_each_with};
+use crate::numerics::sparse::{EigenError, Memberships, RowSums, Smallest, Sparse, smallest};
+use crate::numerics::stats::median;
 
 /// Neighbours of a point at most: those within 2.5 voxels. With 12 the angles of organs' sheets are off by half as
 /// much again, with 8 by up to 6°; with all 50 within 4 voxels by as much, for three times the memory.
@@ -40,8 +42,6 @@ const FLAT: f64 = 0.02;
 const NO_DIRECTION: f64 = 1e-9;
 /// α below which 1 lies in U, so that no reflection is defined.
 const NO_REFLECTION: f64 = 1e-6;
-/// Points that one thread takes at a time.
-const POINTS_PER_TASK: usize = 256;
 
 /// The plane coordinates that keep neighbourhoods best: two eigenvectors of M, in no scale. `lists` are the edges of a
 /// connected neighbourhood graph.
@@ -57,8 +57,8 @@ pub fn lle(positions: &[Point3<f64>], lists: &[Edges], cancel: &dyn Cancel) -> R
 
 /// A point's neighbours, and what of M its weights make: with f the values at the neighbours less that at the point,
 /// all misses squared are `beside` |(1 − U Uᵀ) f|² + 2 `both` (w·f) (p·f) + `plain` (w·f)², where p = (1 − U Uᵀ) 1.
-struct Patch {
-    neighbors: Vec<u32>,
+struct Patch<'a> {
+    neighbors: &'a [u32],
     /// Row of U of each neighbour.
     leading: Vec<Vector3<f64>>,
     /// w.
@@ -74,34 +74,27 @@ struct Patch {
 
 /// M. Its rows hold the points that share a neighbourhood, 60 to 70 of them.
 fn matrix(positions: &[Point3<f64>], lists: &[Edges], cancel: &dyn Cancel) -> Result<Sparse, Cancelled> {
-    let all = || (0..positions.len()).into_par_iter().with_min_len(POINTS_PER_TASK);
-    let near = |a: usize| cancel.check().map(|()| nearest(&lists[a]));
-    let near: Vec<Vec<u32>> = all().map(near).collect::<Result<_, _>>()?;
-    let bent = |a: usize| cancel.check().map(|()| Spread::of(positions, a, &near[a]).bent());
-    let mut bents: Vec<f64> = all().map(bent).collect::<Result<_, _>>()?;
-    bents.sort_by(f64::total_cmp);
-    let flat = bents.get(bents.len() / 2).map_or(FLAT, |median| median.max(FLAT));
-    let patch = |(a, near): (usize, Vec<u32>)| cancel.check().map(|()| Patch::of(positions, a, near, flat));
-    let near = near.into_par_iter().enumerate().with_min_len(POINTS_PER_TASK);
-    let patches: Vec<Patch> = near.map(patch).collect::<Result<_, _>>()?;
-    let members = Members::of(&patches);
-    let row = |sums: &mut Sums, a: usize| {
-        cancel.check()?;
-        for &(centre, place) in members.of_point(a) {
+    let count = positions.len();
+    let near = of_each(count, |a| nearest(&lists[a]), cancel)?;
+    let bents = of_each(count, |a| Spread::of(positions, a, &near[a]).bent(), cancel)?;
+    let flat = median(bents).unwrap_or(0.0).max(FLAT);
+    let patches = of_each(count, |a| Patch::of(positions, a, &near[a], flat), cancel)?;
+    let memberships = Memberships::of(&near);
+    let row = |sums: &mut RowSums, a: usize| {
+        for &(centre, place) in memberships.of_point(a) {
             patches[centre as usize].add_row(place as usize, centre, sums);
         }
         patches[a].add_centre(id(a), sums);
-        Ok(sums.take())
+        sums.take()
     };
-    let rows = all().map_init(|| Sums::new(positions.len()), row);
-    Ok(Sparse::from_rows(rows.collect::<Result<_, Cancelled>>()?))
+    Ok(Sparse::from_rows(of_each_with(count, || RowSums::new(count), row, cancel)?))
 }
 
 /// The nearest along the graph, ascending.
 fn nearest(list: &[(u32, f32)]) -> Vec<u32> {
     let mut list = list.to_vec();
-    list.sort_by(|x, y| x.1.total_cmp(&y.1).then(x.0.cmp(&y.0)));
-    let mut near: Vec<u32> = list.iter().take(NEIGHBORS).map(|edge| edge.0).collect();
+    keep_shortest(&mut list, NEIGHBORS);
+    let mut near: Vec<u32> = list.iter().map(|edge| edge.0).collect();
     near.sort_unstable();
     near
 }
@@ -117,13 +110,14 @@ struct Spread {
 
 impl Spread {
     fn of(positions: &[Point3<f64>], a: usize, near: &[u32]) -> Self {
-        let vectors: Vec<Vector3<f64>> = near.iter().map(|&b| positions[b as usize] - positions[a]).collect();
-        let sum: Matrix3<f64> = vectors.iter().map(|d| d * d.transpose()).sum();
-        let eigen = SymmetricEigen::new(sum);
-        let mut order = [0, 1, 2];
-        order.sort_by(|&i, &j| eigen.eigenvalues[j].total_cmp(&eigen.eigenvalues[i]));
-        let axes = order.map(|k| eigen.eigenvectors.column(k).into_owned());
-        Self { vectors, sum, axes, squares: order.map(|k| eigen.eigenvalues[k].max(0.0)) }
+        let (mut vectors, mut sum) = (Vec::with_capacity(near.len()), Matrix3::zeros());
+        for &b in near {
+            let d = positions[b as usize] - positions[a];
+            sum += d * d.transpose();
+            vectors.push(d);
+        }
+        let axes = Axes3::of(sum);
+        Self { vectors, sum, axes: axes.directions, squares: axes.values.map(|square| square.max(0.0)) }
     }
 
     /// Spread out of the plane over that in it; 0 for points on a line.
@@ -135,7 +129,11 @@ impl Spread {
     /// How many axes a neighbourhood has, at most two where it is as flat as `flat`.
     fn leading(&self, flat: f64) -> usize {
         let most = if self.bent() <= flat { 2 } else { 3 };
-        (0..most).filter(|&k| self.squares[k] > NO_DIRECTION * self.squares[0]).count()
+        let mut axes = 0;
+        while axes < most && self.squares[axes] > NO_DIRECTION * self.squares[0] {
+            axes += 1;
+        }
+        axes
     }
 
     /// w by the ridged normal equations (D Dᵀ + δ) w ∝ 1, of which only three are coupled.
@@ -146,27 +144,37 @@ impl Spread {
         let mut weights: Vec<f64> = self.vectors.iter().map(|d| 1.0 - d.dot(&inner)).collect();
         // Positive: δ 1ᵀ (D Dᵀ + δ)⁻¹ 1.
         let total: f64 = weights.iter().sum();
-        weights.iter_mut().for_each(|weight| *weight /= total);
+        for weight in &mut weights {
+            *weight /= total;
+        }
         weights
+    }
+
+    /// The row of U of a vector, with so many axes.
+    fn row(&self, d: &Vector3<f64>, axes: usize) -> Vector3<f64> {
+        let mut row = Vector3::zeros();
+        for k in 0..axes {
+            row[k] = d.dot(&self.axes[k]) / self.squares[k].sqrt();
+        }
+        row
     }
 }
 
-impl Patch {
-    fn of(positions: &[Point3<f64>], a: usize, neighbors: Vec<u32>, flat: f64) -> Self {
-        let spread = Spread::of(positions, a, &neighbors);
+impl<'a> Patch<'a> {
+    fn of(positions: &[Point3<f64>], a: usize, neighbors: &'a [u32], flat: f64) -> Self {
+        let spread = Spread::of(positions, a, neighbors);
         let axes = spread.leading(flat);
-        let row = |d: &Vector3<f64>| {
-            let mut row = Vector3::zeros();
-            for k in 0..axes {
-                row[k] = d.dot(&spread.axes[k]) / spread.squares[k].sqrt();
-            }
-            row
-        };
-        let leading: Vec<Vector3<f64>> = spread.vectors.iter().map(row).collect();
+        let leading: Vec<Vector3<f64>> = spread.vectors.iter().map(|d| spread.row(d, axes)).collect();
         let along: Vector3<f64> = leading.iter().sum();
-        let rest: Vec<f64> = leading.iter().map(|row| 1.0 - row.dot(&along)).collect();
+        let (mut rest, mut total, mut squares) = (Vec::with_capacity(leading.len()), 0.0, 0.0);
+        for row in &leading {
+            let left = 1.0 - row.dot(&along);
+            rest.push(left);
+            total += left;
+            squares += left * left;
+        }
         let sets = neighbors.len().saturating_sub(axes) as f64;
-        let alpha = (rest.iter().map(|x| x * x).sum::<f64>() / sets.max(1.0)).sqrt();
+        let alpha = (squares / sets.max(1.0)).sqrt();
         let [beside, both, plain] = if sets == 0.0 {
             [0.0, 0.0, 1.0]
         } else if alpha < NO_REFLECTION {
@@ -174,7 +182,6 @@ impl Patch {
         } else {
             [1.0, (1.0 - alpha) / alpha, (1.0 - alpha).powi(2) * sets]
         };
-        let total = rest.iter().sum();
         Self { neighbors, leading, weights: spread.weights(), rest, total, beside, both, plain }
     }
 
@@ -192,7 +199,7 @@ impl Patch {
     }
 
     /// Adds the row of a neighbour.
-    fn add_row(&self, a: usize, centre: u32, sums: &mut Sums) {
+    fn add_row(&self, a: usize, centre: u32, sums: &mut RowSums) {
         for (b, &neighbor) in self.neighbors.iter().enumerate() {
             sums.add(neighbor, self.entry(a, b));
         }
@@ -201,7 +208,7 @@ impl Patch {
     }
 
     /// Adds the row of the point itself.
-    fn add_centre(&self, centre: u32, sums: &mut Sums) {
+    fn add_centre(&self, centre: u32, sums: &mut RowSums) {
         let mut all = 0.0;
         for (b, &neighbor) in self.neighbors.iter().enumerate() {
             let sum = self.sum(b);
@@ -212,73 +219,11 @@ impl Patch {
     }
 }
 
-/// In which patches each point is a neighbour, and its place there.
-struct Members {
-    starts: Vec<usize>,
-    places: Vec<(u32, u32)>,
-}
-
-impl Members {
-    fn of(patches: &[Patch]) -> Self {
-        let mut starts = vec![0; patches.len() + 1];
-        for &b in patches.iter().flat_map(|patch| &patch.neighbors) {
-            starts[b as usize + 1] += 1;
-        }
-        for k in 0..patches.len() {
-            starts[k + 1] += starts[k];
-        }
-        let mut next = starts.clone();
-        let mut places = vec![(0, 0); starts[patches.len()]];
-        for (centre, patch) in patches.iter().enumerate() {
-            for (place, &b) in patch.neighbors.iter().enumerate() {
-                places[next[b as usize]] = (id(centre), id(place));
-                next[b as usize] += 1;
-            }
-        }
-        Self { starts, places }
-    }
-
-    fn of_point(&self, a: usize) -> &[(u32, u32)] {
-        &self.places[self.starts[a]..self.starts[a + 1]]
-    }
-}
-
-/// Sums of the entries of a row.
-struct Sums {
-    values: Vec<f64>,
-    is_there: Vec<bool>,
-    columns: Vec<u32>,
-}
-
-impl Sums {
-    fn new(count: usize) -> Self {
-        Self { values: vec![0.0; count], is_there: vec![false; count], columns: Vec::new() }
-    }
-
-    fn add(&mut self, column: u32, value: f64) {
-        self.values[column as usize] += value;
-        if !std::mem::replace(&mut self.is_there[column as usize], true) {
-            self.columns.push(column);
-        }
-    }
-
-    /// The entries, ascending in the column; nothing is left.
-    fn take(&mut self) -> Vec<(u32, f64)> {
-        self.columns.sort_unstable();
-        let mut row = Vec::with_capacity(self.columns.len());
-        for column in self.columns.drain(..) {
-            row.push((column, std::mem::take(&mut self.values[column as usize])));
-            self.is_there[column as usize] = false;
-        }
-        row
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use std::ops::Range;
 
-    use nalgebra::{DMatrix, Vector2};
+    use nalgebra::{DMatrix, SymmetricEigen, Vector2};
 
     use super::*;
     use crate::cancel::Never;

@@ -1,4 +1,13 @@
 //! Stage 5 (the paper's ISOMAP, section 2.4): sheets laid flat.
+//!
+//! 1. `cut`: every sheet is laid flat (`embedding`, over `graph` and `geodesics`, by `isomap`, `lle` or `laplacian`),
+//!    judged, and cut where it has no plane of its own (`tangents` and `region` tell);
+//! 2. [`framed`]: its plane is turned into a frame that the world fixes (`frame`), narrow tails get back their width
+//!    (`strip`), and the sides take their coordinates from the sheet, or are laid flat themselves.
+//!
+//! Where we leave the paper: edges of the graph stay on the surface, and geodesics start at landmarks, not at every
+//! point (`graph`, `isomap`); sheets are cut; the frame is not left to the signs of an eigen solver; and the sides are
+//! laid flat themselves with `correspondence` "paper" only, since planes that are laid out apart do not pair their points.
 
 pub mod embedding;
 
@@ -29,6 +38,7 @@ use self::embedding::EmbeddingError;
 use self::frame::in_frame;
 use self::strip::unfolded;
 use self::tangents::PlaneDistortion;
+use crate::cancel::{Cancel, Cancelled};
 use crate::model::{FrameFacts, PerSurface, Refusal};
 use crate::numerics::fit::Rigid2;
 use crate::params::{Correspondence, Embedding};
@@ -64,62 +74,93 @@ pub fn framed(
     number: usize,
     context: &Context<'_>,
 ) -> Result<Framed, PipelineError> {
-    let flat_of = |name: &str, surface: &Surface| {
-        let flat = flatten(surface, context.params.into(), solid.voxel_mm, context)
-            .map_err(|error| refused(error, context.params.embedding, sheet, solid.voxel_mm))?;
-        warn_of_pieces(&flat, name, number, context);
-        Ok::<Flat, PipelineError>(flat)
-    };
+    let surfaces = Flattener { solid, sheet, number, context };
     let mut medial = match laid {
-        Some(flat) => {
-            warn_of_pieces(&flat, "medial", number, context);
-            flat
-        }
-        None => flat_of("medial", &sheet.medial)?,
+        Some(flat) => surfaces.warned("medial", flat),
+        None => surfaces.flat("medial", &sheet.medial)?,
     };
     let (points, frame) = in_frame(&medial.points, sheet, solid, context)?;
     medial.points = points;
-    if context.params.correspondence == Correspondence::Anchored {
-        medial.points = unfolded(sheet, &medial.points, context)?;
-        let (upper, lower) = (carried(&sheet.upper, &medial), carried(&sheet.lower, &medial));
-        let distortion = PerSurface { medial: medial.distortion(&sheet.medial, context)?, ..PerSurface::default() };
-        return Ok(Framed { flat: PerSurface { medial, upper, lower }, distortion, frame });
-    }
-    let upper = flat_of("upper", &sheet.upper.surface)?;
-    let lower = flat_of("lower", &sheet.lower.surface)?;
-    let upper = aligned(upper, &sheet.upper, &medial);
-    let lower = aligned(lower, &sheet.lower, &medial);
-    let distortion = PerSurface {
-        medial: medial.distortion(&sheet.medial, context)?,
-        upper: upper.distortion(&sheet.upper.surface, context)?,
-        lower: lower.distortion(&sheet.lower.surface, context)?,
+    let flat = match context.params.correspondence {
+        Correspondence::Anchored => {
+            medial.points = unfolded(sheet, &medial.points, context)?;
+            PerSurface { upper: carried(&sheet.upper, &medial), lower: carried(&sheet.lower, &medial), medial }
+        }
+        Correspondence::Paper => {
+            let upper = aligned(surfaces.flat("upper", &sheet.upper.surface)?, &sheet.upper, &medial);
+            let lower = aligned(surfaces.flat("lower", &sheet.lower.surface)?, &sheet.lower, &medial);
+            PerSurface { medial, upper, lower }
+        }
     };
-    Ok(Framed { flat: PerSurface { medial, upper, lower }, distortion, frame })
+    let distortion = distortions(&flat, sheet, context)?;
+    Ok(Framed { flat, distortion, frame })
 }
 
-fn warn_of_pieces(flat: &Flat, name: &str, number: usize, context: &Context<'_>) {
-    let pieces = flat.embedded.map_or(1, |embedded| embedded.pieces);
-    if pieces > 1 {
-        let message = format!(
-            "the neighbourhood graph of the {name} surface of sheet {number} fell into {pieces} pieces, joined through touching voxels",
-        );
-        context.warn("neighborhood_too_small", message);
+/// Lays the surfaces of a sheet flat.
+struct Flattener<'a> {
+    solid: &'a Solid,
+    sheet: &'a SheetSides,
+    number: usize,
+    context: &'a Context<'a>,
+}
+
+impl Flattener<'_> {
+    fn flat(&self, name: &str, surface: &Surface) -> Result<Flat, PipelineError> {
+        let (params, voxel_mm) = (self.context.params, self.solid.voxel_mm);
+        match flatten(surface, params.into(), voxel_mm, self.context) {
+            Ok(flat) => Ok(self.warned(name, flat)),
+            Err(error) => Err(refused(error, params.embedding, self.sheet, voxel_mm)),
+        }
+    }
+
+    /// Says when the graph of a surface was in pieces.
+    fn warned(&self, name: &str, flat: Flat) -> Flat {
+        let pieces = flat.embedded.map_or(1, |embedded| embedded.pieces);
+        if pieces > 1 {
+            let message = format!(
+                "the neighbourhood graph of the {name} surface of sheet {} fell into {pieces} pieces, joined through touching voxels",
+                self.number,
+            );
+            self.context.warn("neighborhood_too_small", message);
+        }
+        flat
     }
 }
 
 /// A side that takes its coordinates from the sheet; it has no graph of its own.
 fn carried(side: &Side, medial: &Flat) -> Flat {
-    Flat { points: side.partners.iter().map(|&p| medial.points[p as usize]).collect(), embedded: None }
+    Flat { points: partners(side, medial), embedded: None }
 }
 
 /// A flattened side, turned rigidly onto the flattened sheet.
 fn aligned(mut flat: Flat, side: &Side, medial: &Flat) -> Flat {
-    let partners: Vec<Point2<f64>> = side.partners.iter().map(|&p| medial.points[p as usize]).collect();
-    let rigid = Rigid2::between(&flat.points, &partners);
+    let rigid = Rigid2::between(&flat.points, &partners(side, medial));
     for p in &mut flat.points {
         *p = rigid.apply(*p);
     }
     flat
+}
+
+/// Where the medial points of a side's points lie.
+fn partners(side: &Side, medial: &Flat) -> Vec<Point2<f64>> {
+    side.partners.iter().map(|&p| medial.points[p as usize]).collect()
+}
+
+/// What the planes do to the surfaces that were laid flat.
+fn distortions(
+    flat: &PerSurface<Flat>,
+    sheet: &SheetSides,
+    cancel: &dyn Cancel,
+) -> Result<PerSurface<Option<PlaneDistortion>>, Cancelled> {
+    let medial = flat.medial.distortion(&sheet.medial, cancel)?;
+    let [mut upper, mut lower] = [None, None];
+    if flat.upper.embedded.is_some() {
+        upper = flat.upper.distortion(&sheet.upper.surface, cancel)?;
+    }
+    if flat.lower.embedded.is_some() {
+        lower = flat.lower.distortion(&sheet.lower.surface, cancel)?;
+    }
+    Ok(PerSurface { medial, upper, lower })
 }
 
 /// Why a sheet has no figure when it, or a side of it, could not be laid flat.
@@ -138,12 +179,18 @@ fn refused(error: EmbeddingError, embedding: Embedding, sheet: &SheetSides, voxe
         EmbeddingError::NoEigenvectors(reason) => {
             Refusal::NoEmbedding { method: method.into(), reason: reason.to_string() }
         }
-        EmbeddingError::NoPlane => {
-            let from = sheet.medial.positions[0];
-            let length = sheet.medial.positions.iter().map(|p| (p - from).norm()).fold(0.0, f64::max);
-            let radius = sheet.radii.iter().copied().fold(0.0, f64::max);
-            Refusal::Tube { length_mm: length * voxel_mm, radius_mm: radius * voxel_mm }
-        }
+        EmbeddingError::NoPlane => tube(sheet, voxel_mm),
     };
     refusal.into()
+}
+
+/// A sheet that is a string, as long as its points reach from the first.
+fn tube(sheet: &SheetSides, voxel_mm: f64) -> Refusal {
+    let from = sheet.medial.positions[0];
+    let mut length = 0.0f64;
+    for p in &sheet.medial.positions {
+        length = length.max((p - from).norm());
+    }
+    let radius = sheet.radii.iter().copied().fold(0.0, f64::max);
+    Refusal::Tube { length_mm: length * voxel_mm, radius_mm: radius * voxel_mm }
 }

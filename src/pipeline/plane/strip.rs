@@ -8,11 +8,12 @@
 //! across. The rim is found from there on as for any other part of the sheet.
 
 use nalgebra::{Matrix2, Matrix3, Matrix3x2, Point2, Point3, SymmetricEigen, Vector2, Vector3};
-use rayon::prelude::*;
-
-use crate::numerics::cells::Cells;
 
 use crate::cancel::{Cancel, Cancelled};
+use crate::numerics::cells::Cells;
+use crate::numerics::moments::{Axes2, Axes3};
+use crate::numerics::parallel::of_each;
+use crate::numerics::stats::median;
 use crate::pipeline::sheets::sides::SheetSides;
 use crate::pipeline::solid::depth::Depth;
 
@@ -52,8 +53,6 @@ const LEAST_RADIUS: f64 = 0.25;
 /// Smallest share of the spread across that the spread along the normal may take for the points
 /// themselves to tell the normal.
 const FLATNESS: f64 = 0.3;
-/// Points that one thread takes at a time.
-const POINTS_PER_TASK: usize = 256;
 
 /// Points of a sheet in its plane and in space. Lengths are voxels.
 #[derive(Clone, Debug, Default)]
@@ -87,16 +86,8 @@ struct Strip {
 /// # Errors
 /// When it is cancelled.
 pub fn unfolded(sheet: &SheetSides, flat: &[Point2<f64>], cancel: &dyn Cancel) -> Result<Vec<Point2<f64>>, Cancelled> {
-    let around = Around::new(flat, &sheet.medial.positions);
-    let hand = handedness(sheet, &around, cancel)?;
-    let moved = |k: usize| {
-        cancel.check()?;
-        let Some(strip) = around.strip(k, &sheet.normals, hand) else { return Ok(flat[k]) };
-        let [narrow, wide] = strip.widths;
-        let share = strip.sure * below(narrow / wide.max(1e-9), FLATTENED);
-        Ok(flat[k] + (strip.middle + strip.across_flat * strip.offset - flat[k]) * share)
-    };
-    (0..flat.len()).into_par_iter().with_min_len(POINTS_PER_TASK).map(moved).collect()
+    let strips = Strips::of(sheet, flat, cancel)?;
+    of_each(flat.len(), |k| strips.unfolded(k), cancel)
 }
 
 /// The sheet's points, followed by those that widen its thin strips.
@@ -109,29 +100,12 @@ pub fn widened(
     depth: &Depth,
     cancel: &dyn Cancel,
 ) -> Result<SheetPoints, Cancelled> {
+    let strips = Strips::of(sheet, flat, cancel)?;
+    let least_radius = LEAST_RADIUS * median(sheet.radii.clone()).unwrap_or(0.0);
+    let added = of_each(flat.len(), |k| strips.beside(k, least_radius, depth), cancel)?;
     let mut points =
         SheetPoints { flat: flat.to_vec(), positions: sheet.medial.positions.clone(), radii: sheet.radii.clone() };
-    let around = Around::new(flat, &sheet.medial.positions);
-    let hand = handedness(sheet, &around, cancel)?;
-    let least_radius = LEAST_RADIUS * median(&sheet.radii);
-    let thin = |k: usize| {
-        cancel.check()?;
-        let radius = sheet.radii[k];
-        let strip = around.strip(k, &sheet.normals, hand).filter(|s| s.widths[0] < THIN && s.sure > 0.5);
-        let strip = strip.filter(|_| radius >= least_radius);
-        let beside = |strip: Strip| {
-            let place = |aside: f64| {
-                let position = sheet.medial.positions[k] + strip.across * aside;
-                let below = depth.at(position);
-                (below > LEAST_DEPTH * radius).then(|| (flat[k] + strip.across_flat * aside, position, below))
-            };
-            ASIDE.map(place)
-        };
-        Ok(strip.map_or([None; 2], beside))
-    };
-    let all = (0..flat.len()).into_par_iter().with_min_len(POINTS_PER_TASK);
-    let added = all.map(thin).collect::<Result<Vec<_>, _>>()?;
-    for (flat, position, radius) in added.into_iter().flatten().flatten() {
+    for (flat, position, radius) in added.into_iter().flatten() {
         points.flat.push(flat);
         points.positions.push(position);
         points.radii.push(radius);
@@ -144,33 +118,117 @@ fn below(x: f64, [low, high]: [f64; 2]) -> f64 {
     ((high - x) / (high - low)).clamp(0.0, 1.0)
 }
 
-fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
-}
-
-/// +1 when u × v of the plane is carried to the sheet's normals, −1 when it is carried to their
-/// opposites, told by the parts that cover the plane.
-fn handedness(sheet: &SheetSides, around: &Around<'_>, cancel: &dyn Cancel) -> Result<f64, Cancelled> {
-    let wide = |k: usize| around.part(k).filter(|part| part.narrow() > NARROW[1]);
-    let turn = |k: usize| cancel.check().map(|()| wide(k).map_or(0.0, |part| part.turn(sheet.normals[k])));
-    let points = (0..sheet.normals.len()).into_par_iter().with_min_len(POINTS_PER_TASK);
-    // Summed in the order of the points, not in that of the threads.
-    let turns: Vec<f64> = points.map(turn).collect::<Result<_, _>>()?;
-    Ok(if turns.into_iter().sum::<f64>() < 0.0 { -1.0 } else { 1.0 })
-}
-
-/// Search for the part of the sheet around a point.
-struct Around<'a> {
+/// Search for strips of a sheet.
+struct Strips<'a> {
+    sheet: &'a SheetSides,
     flat: &'a [Point2<f64>],
-    positions: &'a [Point3<f64>],
     cells: Cells,
+    /// +1 when u × v of the plane is carried to the sheet's normals, −1 when it is carried to their
+    /// opposites.
+    hand: f64,
+}
+
+impl<'a> Strips<'a> {
+    fn of(sheet: &'a SheetSides, flat: &'a [Point2<f64>], cancel: &dyn Cancel) -> Result<Self, Cancelled> {
+        let mut strips = Self { sheet, flat, cells: Cells::new(flat, REACH), hand: 1.0 };
+        // Summed in the order of the points, not in that of the threads.
+        let turns = of_each(flat.len(), |k| strips.turn(k), cancel)?;
+        if turns.into_iter().sum::<f64>() < 0.0 {
+            strips.hand = -1.0;
+        }
+        Ok(strips)
+    }
+
+    /// Which way the plane is turned at a point; 0 where the sheet does not cover it.
+    fn turn(&self, k: usize) -> f64 {
+        match self.part(k) {
+            Some(part) if part.narrow() > NARROW[1] => part.turn(self.sheet.normals[k]),
+            _ => 0.0,
+        }
+    }
+
+    /// A point back in its place across, as far as it is sure that a strip was laid on a line.
+    fn unfolded(&self, k: usize) -> Point2<f64> {
+        let own = self.flat[k];
+        let Some(strip) = self.strip(k) else { return own };
+        let [narrow, wide] = strip.widths;
+        let share = strip.sure * below(narrow / wide.max(1e-9), FLATTENED);
+        own + (strip.middle + strip.across_flat * strip.offset - own) * share
+    }
+
+    /// The points that widen a thin strip at one of its points: each in the plane, in space, and its radius.
+    fn beside(&self, k: usize, least_radius: f64, depth: &Depth) -> Vec<(Point2<f64>, Point3<f64>, f64)> {
+        let radius = self.sheet.radii[k];
+        let mut added = Vec::new();
+        if radius < least_radius {
+            return added;
+        }
+        let Some(strip) = self.strip(k) else { return added };
+        if strip.widths[0] >= THIN || strip.sure <= 0.5 {
+            return added;
+        }
+        for aside in ASIDE {
+            let position = self.sheet.medial.positions[k] + strip.across * aside;
+            let below = depth.at(position);
+            if below > LEAST_DEPTH * radius {
+                added.push((self.flat[k] + strip.across_flat * aside, position, below));
+            }
+        }
+        added
+    }
+
+    /// The part of the sheet around a point.
+    fn part(&self, k: usize) -> Option<Part> {
+        let positions = &self.sheet.medial.positions;
+        let mut members = Vec::new();
+        for j in self.cells.around(self.flat[k], REACH) {
+            let (flat, space) = (self.flat[j] - self.flat[k], positions[j] - positions[k]);
+            let share = flat.norm() / REACH;
+            if share < 1.0 && space.norm() < STRETCH * REACH {
+                members.push(Member { point: j, weight: 1.0 - share * share, flat, space });
+            }
+        }
+        (members.len() >= MIN_POINTS).then(|| Part::of(members))
+    }
+
+    /// The strip at a point; `None` where the sheet covers the plane or no direction is certain.
+    fn strip(&self, k: usize) -> Option<Strip> {
+        let part = self.part(k)?;
+        let narrow = part.narrow();
+        if narrow >= NARROW[1] {
+            return None;
+        }
+        let along_flat = part.along();
+        let slope = part.slope(along_flat);
+        let along = slope.try_normalize(1e-6)?;
+        let normal = part.normal(along, &self.sheet.normals).try_normalize(1e-6)?;
+        let across = normal.cross(&along) * self.hand;
+        let (wide, thick) = (part.spread(across), part.spread(normal));
+        let uneven = slope.norm().max(1.0 / slope.norm());
+        // What is thinner than a voxel is no second part.
+        let sure =
+            below(narrow, NARROW) * below(wide, WIDE) * below(thick / wide.max(1.0), THICK) * below(uneven, UNEVEN);
+        // The middle beside the point: the means, carried along the strip.
+        let back = -part.mean.dot(&along);
+        let step = back / part.spread(along).powi(2).max(1e-9);
+        let middle = self.flat[k] + part.mean_flat + part.both.transpose() * along * step;
+        let offset = -across.dot(&(part.mean + part.space * along * step));
+        let across_flat = Vector2::new(-along_flat.y, along_flat.x);
+        Some(Strip { across_flat, across, widths: [narrow, wide], middle, offset, sure })
+    }
+}
+
+/// A point of a part, from the point that the part lies around.
+struct Member {
+    point: usize,
+    weight: f64,
+    flat: Vector2<f64>,
+    space: Vector3<f64>,
 }
 
 /// First and second moments of a part of the sheet, from one of its points.
 struct Part {
-    members: Vec<(usize, f64)>,
+    members: Vec<Member>,
     mean_flat: Vector2<f64>,
     mean: Vector3<f64>,
     flat: Matrix2<f64>,
@@ -179,74 +237,24 @@ struct Part {
     both: Matrix3x2<f64>,
 }
 
-impl<'a> Around<'a> {
-    fn new(flat: &'a [Point2<f64>], positions: &'a [Point3<f64>]) -> Self {
-        Self { flat, positions, cells: Cells::new(flat, REACH) }
-    }
-
-    fn part(&self, k: usize) -> Option<Part> {
-        let at = self.flat[k];
-        let weight = |j: usize| {
-            let share = (self.flat[j] - at).norm() / REACH;
-            let is_near = share < 1.0 && (self.positions[j] - self.positions[k]).norm() < STRETCH * REACH;
-            is_near.then_some((j, 1.0 - share * share))
-        };
-        let members: Vec<(usize, f64)> = self.cells.around(at, REACH).filter_map(weight).collect();
-        (members.len() >= MIN_POINTS).then(|| self.moments(k, members))
-    }
-
-    fn moments(&self, k: usize, members: Vec<(usize, f64)>) -> Part {
-        let total: f64 = members.iter().map(|m| m.1).sum();
-        let of = |j: usize| (self.flat[j] - self.flat[k], self.positions[j] - self.positions[k]);
+impl Part {
+    fn of(members: Vec<Member>) -> Self {
+        let total: f64 = members.iter().map(|member| member.weight).sum();
         let (mut mean_flat, mut mean) = (Vector2::zeros(), Vector3::zeros());
-        for &(j, w) in &members {
-            let (p, x) = of(j);
-            mean_flat += p * (w / total);
-            mean += x * (w / total);
+        for member in &members {
+            mean_flat += member.flat * (member.weight / total);
+            mean += member.space * (member.weight / total);
         }
         let (mut flat, mut space, mut both) = (Matrix2::zeros(), Matrix3::zeros(), Matrix3x2::zeros());
-        for &(j, w) in &members {
-            let (p, x) = of(j);
-            let (p, x) = (p - mean_flat, x - mean);
-            flat += p * p.transpose() * (w / total);
-            space += x * x.transpose() * (w / total);
-            both += x * p.transpose() * (w / total);
+        for member in &members {
+            let (p, x, share) = (member.flat - mean_flat, member.space - mean, member.weight / total);
+            flat += p * p.transpose() * share;
+            space += x * x.transpose() * share;
+            both += x * p.transpose() * share;
         }
-        Part { members, mean_flat, mean, flat, space, both }
+        Self { members, mean_flat, mean, flat, space, both }
     }
 
-    /// The strip at a point; `None` where the sheet covers the plane or no direction is certain.
-    fn strip(&self, k: usize, normals: &[Vector3<f64>], hand: f64) -> Option<Strip> {
-        let part = self.part(k)?;
-        let narrow = part.narrow();
-        if narrow >= NARROW[1] {
-            return None;
-        }
-        let along_flat = part.along();
-        let length = along_flat.dot(&(part.flat * along_flat));
-        // The slope of the position along the strip: 1, where the plane keeps lengths.
-        let slope = part.both * along_flat / length.max(1e-9);
-        let along = slope.try_normalize(1e-6)?;
-        let uneven = slope.norm().max(1.0 / slope.norm());
-        let sum: Vector3<f64> = part.members.iter().map(|&(j, w)| normals[j] * w).sum();
-        let normal = part.normal(along, sum).try_normalize(1e-6)?;
-        let across = normal.cross(&along) * hand;
-        let across_flat = Vector2::new(-along_flat.y, along_flat.x);
-        let spread = |direction: Vector3<f64>| direction.dot(&(part.space * direction)).max(0.0).sqrt();
-        let (wide, thick) = (spread(across), spread(normal));
-        // What is thinner than a voxel is no second part.
-        let sure =
-            below(narrow, NARROW) * below(wide, WIDE) * below(thick / wide.max(1.0), THICK) * below(uneven, UNEVEN);
-        // The middle beside the point: the means, carried along the strip.
-        let back = -part.mean.dot(&along);
-        let step = back / spread(along).powi(2).max(1e-9);
-        let middle = self.flat[k] + part.mean_flat + part.both.transpose() * along * step;
-        let offset = -across.dot(&(part.mean + part.space * along * step));
-        Some(Strip { across_flat, across, widths: [narrow, wide], middle, offset, sure })
-    }
-}
-
-impl Part {
     /// Standard deviation across in the plane.
     fn narrow(&self) -> f64 {
         SymmetricEigen::new(self.flat).eigenvalues.min().max(0.0).sqrt()
@@ -254,25 +262,36 @@ impl Part {
 
     /// Unit direction of the largest spread in the plane.
     fn along(&self) -> Vector2<f64> {
-        let eigen = SymmetricEigen::new(self.flat);
-        eigen.eigenvectors.column(eigen.eigenvalues.imax()).into_owned()
+        Axes2::of(self.flat).directions[0]
+    }
+
+    /// The slope of the position along a direction of the plane: 1 long, where the plane keeps lengths.
+    fn slope(&self, along: Vector2<f64>) -> Vector3<f64> {
+        let length = along.dot(&(self.flat * along));
+        self.both * along / length.max(1e-9)
+    }
+
+    /// Standard deviation along a direction of space.
+    fn spread(&self, direction: Vector3<f64>) -> f64 {
+        direction.dot(&(self.space * direction)).max(0.0).sqrt()
     }
 
     /// The sheet's normal at right angles to the strip: from the points, where they span a plane,
     /// else the mean of the points' own, whose sense it has.
-    fn normal(&self, along: Vector3<f64>, mean: Vector3<f64>) -> Vector3<f64> {
-        let mean = mean - along * mean.dot(&along);
+    fn normal(&self, along: Vector3<f64>, normals: &[Vector3<f64>]) -> Vector3<f64> {
+        let mut sum = Vector3::zeros();
+        for member in &self.members {
+            sum += normals[member.point] * member.weight;
+        }
+        let mean = sum - along * sum.dot(&along);
         let beside = Matrix3::identity() - along * along.transpose();
-        let eigen = SymmetricEigen::new(beside * self.space * beside);
-        let mut order = [0, 1, 2];
-        // Along the strip nothing is left; the order is along, normal, across.
-        order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
-        let spread = |k: usize| eigen.eigenvalues[order[k]].max(0.0).sqrt();
-        let across = eigen.eigenvectors.column(order[2]).into_owned();
-        let normal = along.cross(&across);
-        if spread(1) > FLATNESS * spread(2) || spread(2) < FLATNESS {
+        // Along the strip nothing is left: the axes are across, normal, along.
+        let axes = Axes3::of(beside * self.space * beside);
+        let [across, normal, _] = axes.values.map(|square| square.max(0.0).sqrt());
+        if normal > FLATNESS * across || across < FLATNESS {
             return mean;
         }
+        let normal = along.cross(&axes.directions[0]);
         if normal.dot(&mean) < 0.0 { -normal } else { normal }
     }
 

@@ -17,12 +17,12 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::f64::consts::PI;
 
-use nalgebra::{Matrix2, Matrix3, Point3, SymmetricEigen, Vector2, Vector3};
-use rayon::prelude::*;
+use nalgebra::{Matrix2, Matrix3, Point2, Point3, SymmetricEigen, Vector2, Vector3};
 
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::field::id;
-
+use crate::numerics::moments::Axes3;
+use crate::numerics::parallel::{of_each, of_each_with};
 use crate::pipeline::plane::graph::Around;
 use crate::pipeline::sheets::surface::Surface;
 
@@ -36,8 +36,6 @@ const STRING: f64 = 0.15;
 const LUMP: f64 = 0.5;
 /// Second spread over the first up to which a plane is a line.
 const LINE_SHARE: f64 = 1e-6;
-/// Points that one thread takes at a time.
-const POINTS_PER_TASK: usize = 256;
 
 /// How a plane distorts a sheet.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,22 +80,12 @@ impl Tangents {
     /// When it is cancelled.
     pub fn of(surface: &Surface, cancel: &dyn Cancel) -> Result<Self, Cancelled> {
         let count = surface.positions.len();
-        let all = || (0..count).into_par_iter().with_min_len(POINTS_PER_TASK);
-        let near = |around: &mut Around, a: usize| {
-            cancel.check()?;
-            let mut near: Vec<u32> = around.within(surface, a, REACH).into_iter().map(|edge| edge.0).collect();
-            near.sort_unstable();
-            Ok(near)
-        };
-        let lists: Vec<Vec<u32>> = all().map_init(|| Around::new(count), near).collect::<Result<_, Cancelled>>()?;
-        let spread = |a: usize| cancel.check().map(|()| Spread::around(&surface.positions, a, &lists[a]));
-        let spreads: Vec<Spread> = all().map(spread).collect::<Result<_, _>>()?;
+        let near = |around: &mut Around, a: usize| points_near(surface, around, a);
+        let lists = of_each_with(count, || Around::new(count), near, cancel)?;
+        let spreads = of_each(count, |a| Spread::around(&surface.positions, a, &lists[a]), cancel)?;
         let turned = turned(surface, &spreads, cancel)?;
-        let tangent = |a: usize| {
-            cancel.check()?;
-            Ok(spreads[a].is_plane.then(|| Tangent::of(&surface.positions, a, &lists[a], &spreads[a], turned[a])))
-        };
-        let planes: Vec<Option<Tangent>> = all().map(tangent).collect::<Result<_, Cancelled>>()?;
+        let tangent = |a: usize| Tangent::of(&surface.positions, a, &lists[a], &spreads[a], turned[a]);
+        let planes = of_each(count, tangent, cancel)?;
         Ok(Self { planes: planes.into_iter().flatten().collect() })
     }
 
@@ -110,10 +98,10 @@ impl Tangents {
     /// The linear map after which lengths in a plane are those on the sheet, as nearly as a linear map can make
     /// them: with the maps J of all points, the mean of A J Jᵀ Aᵀ is 1. `None` where the plane is a line.
     #[must_use]
-    pub fn scale(&self, at: impl Fn(usize) -> Vector2<f64>) -> Option<Matrix2<f64>> {
+    pub fn scale(&self, places: &[Point2<f64>]) -> Option<Matrix2<f64>> {
         let mut sum = Matrix2::zeros();
         for plane in &self.planes {
-            let map = plane.map(&at);
+            let map = plane.map(places);
             sum += map * map.transpose();
         }
         let eigen = SymmetricEigen::new(sum / self.planes.len().max(1) as f64);
@@ -127,25 +115,34 @@ impl Tangents {
         Some(eigen.eigenvectors * roots * eigen.eigenvectors.transpose())
     }
 
-    /// How a plane distorts the sheet; `None` where nothing can be judged.
+    /// How a plane, of the places of all points, distorts the sheet; `None` where nothing can be judged.
     #[must_use]
-    pub fn distortion(&self, at: impl Fn(usize) -> Vector2<f64>) -> Option<PlaneDistortion> {
+    pub fn distortion(&self, places: &[Point2<f64>]) -> Option<PlaneDistortion> {
         let judged = self.planes.len();
-        let (mut turned, mut angles) = (0, 0.0);
+        if judged == 0 {
+            return None;
+        }
+        let (mut turned, mut angles) = (0, 0.0f64);
         for plane in &self.planes {
-            let map = plane.map(&at);
+            let map = plane.map(places);
             turned += usize::from(map.determinant() < 0.0);
             angles += angle_error(&map);
         }
         // The side of the majority is the right one.
         let turned = turned.min(judged - turned);
-        let share = |sum: f64| sum / judged as f64;
-        (judged > 0).then(|| PlaneDistortion {
-            turned_over: share(turned as f64),
-            angle_error_deg: share(angles.to_degrees()),
+        Some(PlaneDistortion {
+            turned_over: turned as f64 / judged as f64,
+            angle_error_deg: angles.to_degrees() / judged as f64,
             judged,
         })
     }
+}
+
+/// The points within [`REACH`] of one along the sheet, ascending.
+fn points_near(surface: &Surface, around: &mut Around, a: usize) -> Vec<u32> {
+    let mut near: Vec<u32> = around.within(surface, a, REACH).into_iter().map(|edge| edge.0).collect();
+    near.sort_unstable();
+    near
 }
 
 /// Mean change of the angles of an equilateral triangle, radians.
@@ -164,34 +161,35 @@ impl Spread {
             spread += d * d.transpose();
             count += 1;
         }
-        let eigen = SymmetricEigen::new(spread);
-        let mut order = [0, 1, 2];
-        order.sort_by(|&i, &j| eigen.eigenvalues[j].total_cmp(&eigen.eigenvalues[i]));
-        let squares = order.map(|k| eigen.eigenvalues[k]);
-        let axes = order.map(|k| eigen.eigenvectors.column(k).into_owned());
+        let Axes3 { directions: axes, values: squares } = Axes3::of(spread);
         let is_plane = squares[1] > STRING * count.max(1) as f64 && squares[2] < LUMP * squares[1];
         Self { axes, squares, is_plane }
     }
 }
 
 impl Tangent {
-    fn of(positions: &[Point3<f64>], a: usize, near: &[u32], spread: &Spread, is_turned: bool) -> Self {
+    /// `None` where there is no plane.
+    fn of(positions: &[Point3<f64>], a: usize, near: &[u32], spread: &Spread, is_turned: bool) -> Option<Self> {
+        if !spread.is_plane {
+            return None;
+        }
         let [along, across, normal] = spread.axes;
         let is_left_handed = along.cross(&across).dot(&normal) < 0.0;
         let across = if is_left_handed == is_turned { across } else { -across };
-        let share = |&b: &u32| {
+        let mut around = Vec::with_capacity(near.len());
+        for &b in near {
             let d = positions[b as usize] - positions[a];
-            (b, Vector2::new(along.dot(&d) / spread.squares[0], across.dot(&d) / spread.squares[1]))
-        };
-        Self { point: id(a), around: near.iter().map(share).collect() }
+            around.push((b, Vector2::new(along.dot(&d) / spread.squares[0], across.dot(&d) / spread.squares[1])));
+        }
+        Some(Self { point: id(a), around })
     }
 
-    /// The linear map from the tangent plane to coordinates.
-    fn map(&self, at: &impl Fn(usize) -> Vector2<f64>) -> Matrix2<f64> {
-        let centre = at(self.point as usize);
+    /// The linear map from the tangent plane to the places of points.
+    fn map(&self, places: &[Point2<f64>]) -> Matrix2<f64> {
+        let centre = places[self.point as usize];
         let mut map = Matrix2::zeros();
         for &(b, share) in &self.around {
-            map += (at(b as usize) - centre) * share.transpose();
+            map += (places[b as usize] - centre) * share.transpose();
         }
         map
     }
@@ -199,26 +197,28 @@ impl Tangent {
 
 /// Whose normals must be turned for all to agree along the sheet.
 fn turned(surface: &Surface, spreads: &[Spread], cancel: &dyn Cancel) -> Result<Vec<bool>, Cancelled> {
-    let mut turned: Vec<Option<bool>> = vec![None; spreads.len()];
+    let mut turned = vec![false; spreads.len()];
+    let mut is_told = vec![false; spreads.len()];
     for start in 0..spreads.len() {
         let mut heap = BinaryHeap::new();
         heap.push((0u64, Reverse(id(start)), id(start)));
         while let Some((_, Reverse(to), from)) = heap.pop() {
             cancel.check()?;
             let (to, from) = (to as usize, from as usize);
-            if turned[to].is_some() {
+            if std::mem::replace(&mut is_told[to], true) {
                 continue;
             }
             let agree = spreads[to].axes[2].dot(&spreads[from].axes[2]) >= 0.0;
-            turned[to] = Some(turned[from].unwrap_or(false) == agree);
+            // A first point is its own neighbour: it is not turned.
+            turned[to] = turned[from] == agree;
             for &next in &surface.adjacency[to] {
-                if turned[next as usize].is_none() {
+                if !is_told[next as usize] {
                     heap.push((parallel(&spreads[to], &spreads[next as usize]), Reverse(next), id(to)));
                 }
             }
         }
     }
-    Ok(turned.into_iter().map(|is| is == Some(true)).collect())
+    Ok(turned)
 }
 
 /// How surely two points' normals tell each other's sense: more where they are more parallel, least where one has
@@ -234,10 +234,10 @@ mod tests {
     use crate::cancel::Never;
 
     /// A grid of points bent over a cylinder, each touching the eight around it.
-    fn bent(rows: usize, cols: usize, radius: f64) -> (Surface, Vec<Vector2<f64>>) {
-        let at = |n: usize| Vector2::new((n % cols) as f64, (n / cols) as f64);
+    fn bent(rows: usize, cols: usize, radius: f64) -> (Surface, Vec<Point2<f64>>) {
+        let at = |n: usize| Point2::new((n % cols) as f64, (n / cols) as f64);
         let flat: Vec<_> = (0..rows * cols).map(at).collect();
-        let place = |p: &Vector2<f64>| Point3::new(radius * (p.x / radius).sin(), p.y, radius * (p.x / radius).cos());
+        let place = |p: &Point2<f64>| Point3::new(radius * (p.x / radius).sin(), p.y, radius * (p.x / radius).cos());
         let touches = |a: usize, b: usize| b != a && (flat[a] - flat[b]).norm() < 1.5;
         let touching = |a: usize| (0..flat.len()).filter(|&b| touches(a, b)).map(id).collect();
         let adjacency = (0..flat.len()).map(touching).collect();
@@ -245,7 +245,11 @@ mod tests {
         (Surface { positions, adjacency }, flat)
     }
 
-    fn tangents() -> (Tangents, Vec<Vector2<f64>>) {
+    fn moved(flat: &[Point2<f64>], to: impl Fn(&Point2<f64>) -> Point2<f64>) -> Vec<Point2<f64>> {
+        flat.iter().map(to).collect()
+    }
+
+    fn tangents() -> (Tangents, Vec<Point2<f64>>) {
         let (surface, flat) = bent(15, 40, 12.0);
         (Tangents::of(&surface, &Never).expect("not stopped"), flat)
     }
@@ -253,18 +257,17 @@ mod tests {
     #[test]
     fn a_true_plane_is_called_true() {
         let (tangents, flat) = tangents();
-        let found = tangents.distortion(|p| flat[p]).expect("judged");
+        let found = tangents.distortion(&flat).expect("judged");
         assert_eq!((found.judged, found.turned_over), (flat.len(), 0.0));
         assert!(found.angle_error_deg < 0.4, "{found:?}");
-        let scale = tangents.scale(|p| flat[p]).expect("a plane");
+        let scale = tangents.scale(&flat).expect("a plane");
         assert!((scale - Matrix2::identity()).norm() < 0.02, "{scale}");
     }
 
     #[test]
     fn a_stretch_by_two_changes_angles_by_21_degrees_and_is_undone() {
         let (tangents, flat) = tangents();
-        let stretched = |p: usize| Vector2::new(2.0 * flat[p].x, flat[p].y);
-        let found = tangents.distortion(stretched).expect("judged");
+        let found = tangents.distortion(&moved(&flat, |p| Point2::new(2.0 * p.x, p.y))).expect("judged");
         let expected = (2.0 * 3.0f64.sqrt() / PI * (1.0f64 / 3.0).asin()).to_degrees();
         assert!((found.angle_error_deg - expected).abs() < 0.4 && found.turned_over == 0.0, "{found:?}");
         // The mean over all turns of an equilateral triangle, one by one.
@@ -279,8 +282,8 @@ mod tests {
         let mean = changes.sum::<f64>() / 3600.0;
         assert!((mean - expected).abs() < 1.0, "{mean:.2} and {expected:.2}");
         let skew = Matrix2::new(0.02, 0.01, 0.0, 0.05);
-        let scale = tangents.scale(|p| skew * flat[p]).expect("a plane");
-        let undone = tangents.distortion(|p| scale * skew * flat[p]).expect("judged");
+        let scale = tangents.scale(&moved(&flat, |p| skew * p)).expect("a plane");
+        let undone = tangents.distortion(&moved(&flat, |p| scale * skew * p)).expect("judged");
         assert!(undone.angle_error_deg < 0.4, "{undone:?}");
     }
 
@@ -288,9 +291,9 @@ mod tests {
     fn what_is_folded_over_is_told_by_its_share() {
         let (tangents, flat) = tangents();
         // Ten of forty columns lie over others.
-        let folded = tangents.distortion(|p| Vector2::new((flat[p].x - 9.5).abs(), flat[p].y)).expect("judged");
+        let folded = tangents.distortion(&moved(&flat, |p| Point2::new((p.x - 9.5).abs(), p.y))).expect("judged");
         assert!((folded.turned_over - 0.25).abs() < 0.01, "{folded:?}");
-        let mirrored = tangents.distortion(|p| Vector2::new(-flat[p].x, flat[p].y)).expect("judged");
+        let mirrored = tangents.distortion(&moved(&flat, |p| Point2::new(-p.x, p.y))).expect("judged");
         assert_eq!(mirrored.turned_over, 0.0);
     }
 
@@ -299,12 +302,12 @@ mod tests {
         let (surface, _) = bent(1, 30, 1e6);
         let string = Tangents::of(&surface, &Never).expect("not stopped");
         assert!(string.is_empty());
-        assert_eq!(string.distortion(|_| Vector2::zeros()), None);
-        assert_eq!(string.scale(|_| Vector2::zeros()), None);
+        assert_eq!(string.distortion(&[]), None);
+        assert_eq!(string.scale(&[]), None);
         let (tangents, flat) = tangents();
-        assert_eq!(tangents.scale(|p| Vector2::new(flat[p].x, flat[p].x)), None);
-        assert_eq!(tangents.scale(|_| Vector2::repeat(f64::NAN)), None);
-        let line = tangents.distortion(|p| Vector2::new(flat[p].x, 0.0)).expect("judged");
+        assert_eq!(tangents.scale(&moved(&flat, |p| Point2::new(p.x, p.x))), None);
+        assert_eq!(tangents.scale(&moved(&flat, |_| Point2::new(f64::NAN, f64::NAN))), None);
+        let line = tangents.distortion(&moved(&flat, |p| Point2::new(p.x, 0.0))).expect("judged");
         assert!((line.angle_error_deg - 99.2).abs() < 0.1, "{line:?}");
     }
 }
