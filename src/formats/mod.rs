@@ -1,21 +1,11 @@
-//! Files: label maps in, medial representations out. In reading order: what a file is, the
-//! NIfTI reader part by part, the parameters, then one writer per artifact.
+//! Files: label maps in, medial representations out. In reading order: which formats are read, the
+//! readers, the parameters, then one writer per artifact.
 
-mod read_error;
+pub mod readers;
 
-mod sniff;
+mod read;
 
-mod stream;
-
-mod nifti_header;
-
-mod nifti_affine;
-
-mod nifti_voxels;
-
-pub mod nifti;
-
-pub mod nifti_write;
+pub mod write;
 
 pub mod params_json;
 
@@ -36,7 +26,7 @@ pub mod thickness_json;
 
 pub mod tables;
 
-pub use nifti::{InputLimits, ReadVolume, read, read_file};
-pub use read_error::ReadError;
 #[cfg(feature = "service")]
-pub(crate) use stream::hex;
+pub(crate) use read::stream::hex;
+pub use read::{HeaderFacts, InputLimits, ReadError};
+pub use readers::{ReadVolume, read, read_file};

@@ -8,6 +8,7 @@ use serde_json::json;
 use utoipa::openapi::{RefOr, Schema};
 use utoipa::{IntoParams, PartialSchema, ToSchema};
 
+use crate::formats::readers;
 use crate::params::{
     FIGURE_COUNT, LABEL_COUNT, LANDMARK_COUNT, LATTICE_SIDE, LENGTH_MM, MARGIN, NEIGHBOR_COUNT, PRUNE_STRENGTH,
     REPEAT_COUNT,
@@ -51,7 +52,7 @@ impl PartialSchema for FormSchema {
             "properties": {
                 "mask": {
                     "type": "string", "format": "binary",
-                    "description": "The mask: NIfTI-1 or NIfTI-2, plain or gzip."
+                    "description": format!("The mask: {}, plain or gzip.", readers::versions())
                 },
                 "params": {"$ref": "#/components/schemas/Params"},
                 "labels": {

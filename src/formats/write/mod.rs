@@ -1,0 +1,3 @@
+//! Writers, one for each artifact and one for samples.
+
+pub mod nifti;
