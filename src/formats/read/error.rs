@@ -10,7 +10,7 @@ use crate::space::LabelVolumeError;
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// A format that nothing here reads.
-    #[error("the file is not a {read} image{}", .looks_like.map(|x| format!(": it looks like {x}")).unwrap_or_default())]
+    #[error("the file is not a {read} image{}", .looks_like.map(looking).unwrap_or_default())]
     UnknownFormat {
         /// What it seems to be instead.
         looks_like: Option<&'static str>,
@@ -125,6 +125,10 @@ pub enum ReadError {
     /// The reader was told to stop; nothing is known of the file.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
+}
+
+fn looking(like: &str) -> String {
+    format!(": it looks like {like}")
 }
 
 impl ReadError {

@@ -281,7 +281,8 @@ mod tests {
     #[test]
     fn colours_above_one_are_bytes_in_the_whole_table() {
         check(
-            "<Label Key=\"1\" Red=\"1\" Green=\"0\" Blue=\"1\">a</Label><Label Key=\"2\" Red=\"255\" Green=\"7\" Blue=\"0\">b</Label>",
+            "<Label Key=\"1\" Red=\"1\" Green=\"0\" Blue=\"1\">a</Label>\
+             <Label Key=\"2\" Red=\"255\" Green=\"7\" Blue=\"0\">b</Label>",
             &[told(1, "a", [1, 0, 1]), told(2, "b", [255, 7, 0])],
         );
     }
@@ -301,7 +302,8 @@ mod tests {
     #[test]
     fn only_the_first_table_counts_and_only_labels_within_it() {
         let document = "<a><Label Key=\"1\">no</Label><LabelTable><Other><Label Key=\"2\">no</Label></Other>\
-                        <Label Key=\"3\">yes</Label></LabelTable><LabelTable><Label Key=\"4\">no</Label></LabelTable></a>";
+                        <Label Key=\"3\">yes</Label></LabelTable>\
+                        <LabelTable><Label Key=\"4\">no</Label></LabelTable></a>";
         let table = LabelTable::parse(document.as_bytes()).unwrap();
         assert_eq!(table.labels.into_keys().collect::<Vec<_>>(), [3]);
     }
