@@ -9,8 +9,8 @@ use std::io::sink;
 use std::time::{Duration, Instant};
 
 use medialrep::formats::write::thickness::{InputFacts, OuterTimings};
-use medialrep::formats::write::{glb, tables, thickness};
-use medialrep::formats::{InputLimits, nifti_write, read};
+use medialrep::formats::write::{self, glb, tables, thickness};
+use medialrep::formats::{InputLimits, read};
 use medialrep::model::{Model, Stage, StageTimings};
 use medialrep::params::{CheckedParams, Params};
 use medialrep::pipeline::observer::Silent;
@@ -43,7 +43,7 @@ fn row(spacing_mm: f64) -> String {
     let sample = by_name("bent_even").expect("a sample of that name");
     let volume = sample.voxelise([spacing_mm; 3], Rotation3::identity()).expect("fits in memory");
     let mut file = Vec::new();
-    nifti_write::write(&volume, &mut file).expect("memory takes it");
+    write::nifti::write(&volume, &mut file).expect("memory takes it");
     let params = Params::default().check().expect("the defaults are in range");
     let (mut stages, mut wholes) = (Vec::new(), Vec::new());
     let start = Instant::now();
@@ -52,7 +52,7 @@ fn row(spacing_mm: f64) -> String {
         stages.push(from_file_to_files(&file, &params));
         wholes.push(begun.elapsed().as_secs_f64() * 1e3);
     }
-    let voxels = volume.indices.as_slice().len();
+    let voxels = volume.indices().as_slice().len();
     let mut cells = vec![voxels.to_string()];
     for stage in Stage::ALL {
         cells.push(short(median(stages.iter().map(|timings| timings.of(stage)).collect())));

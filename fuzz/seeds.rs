@@ -35,7 +35,10 @@ pub fn nifti() -> Vec<Vec<u8>> {
         files.push(Nifti { sform_code: 0, xyzt_units: 3, ..small.clone() });
         files.push(Nifti { scl_slope: 2.0, scl_inter: -1.0, ..small.clone() });
         files.push(Nifti { dim: [5, 4, 3, 2, 1, 1, 1, 1], vox_offset: 0.0, ..small.clone() });
-        files.push(Nifti { vox_offset: small.vox_offset + 16.0, extension: vec![0; 20], ..small });
+        files.push(Nifti { vox_offset: small.vox_offset + 16.0, extension: vec![0; 20], ..small.clone() });
+        files.push(small.clone().with_extensions(&[(0, LABEL_TABLE)]));
+        let big_endian = Nifti { big_endian: true, ..small };
+        files.push(big_endian.with_extensions(&[(6, "a comment"), (30, LABEL_TABLE), (32, "<CIFTI/>")]));
     }
     let mut files: Vec<Vec<u8>> = files.iter().map(Nifti::bytes).collect();
     let plain = Nifti::small(1).bytes();
@@ -53,6 +56,14 @@ pub fn nifti() -> Vec<Vec<u8>> {
     files.push(with_zeros(&Nifti { vox_offset: 4_194_304.0, ..Nifti::small(1) }.bytes(), 2 << 20));
     files
 }
+
+/// Names and colours of labels as tools write them into a header extension.
+const LABEL_TABLE: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
+<CaretExtension><VolumeInformation Index="0"><LabelTable>
+<Label Key="0" Red="1" Green="1" Blue="1" Alpha="0">???</Label>
+<Label Key="1" Red="0.25" Green="0.5" Blue="0" Alpha="1"><![CDATA[spleen]]></Label>
+<Label Key="2" Red="0" Green="0" Blue="1" Alpha="1">left &amp; right &#233;</Label>
+</LabelTable><VolumeType><![CDATA[Label]]></VolumeType></VolumeInformation></CaretExtension>"#;
 
 /// With zeros after it, in few bytes.
 fn with_zeros(file: &[u8], zeros: usize) -> Vec<u8> {

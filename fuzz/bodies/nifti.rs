@@ -3,7 +3,7 @@
 
 use std::io::Write;
 
-use medialrep::formats::nifti::{check_header, check_magic};
+use medialrep::formats::readers::{check_header, check_magic};
 use medialrep::formats::{InputLimits, ReadError, ReadVolume, read, read_file};
 use tempfile::NamedTempFile;
 
@@ -19,7 +19,7 @@ pub fn check(bytes: &[u8]) {
     let header = check_header(file.path(), LIMITS);
     match (read_file(file.path(), LIMITS, &medialrep::cancel::Never), header) {
         (Ok(found), Ok(facts)) => {
-            assert_eq!(facts.voxels, found.volume.indices.as_slice().len() as u64);
+            assert_eq!(facts.voxels, found.volume.indices().as_slice().len() as u64);
             assert!(check_magic(bytes).is_ok());
             check_volume(&found);
             assert_eq!(found.bytes, bytes.len() as u64);
@@ -44,9 +44,7 @@ pub fn check_in_gzip(bytes: &[u8]) {
         match (&plain, read(&packed[..], LIMITS)) {
             (Ok(plain), Ok(unpacked)) => {
                 assert_eq!(unpacked.format, format!("{}.gz", plain.format));
-                assert_eq!(unpacked.volume.indices.as_slice(), plain.volume.indices.as_slice());
-                assert_eq!(unpacked.volume.label_values, plain.volume.label_values);
-                assert_eq!(unpacked.volume.world_from_voxel, plain.volume.world_from_voxel);
+                assert_eq!(unpacked.volume, plain.volume);
             }
             (Err(plain), Err(unpacked)) => assert_eq!(unpacked.to_string(), plain.to_string()),
             (plain, unpacked) => panic!("plain: {plain:?}, in gzip: {unpacked:?}"),
@@ -56,16 +54,23 @@ pub fn check_in_gzip(bytes: &[u8]) {
 
 fn check_volume(found: &ReadVolume) {
     let volume = &found.volume;
-    let indices = volume.indices.as_slice();
-    assert_eq!(volume.indices.dims().iter().product::<usize>(), indices.len());
+    let indices = volume.indices().as_slice();
+    assert_eq!(volume.dims().iter().product::<usize>(), indices.len());
     assert!(indices.len() as u64 <= LIMITS.max_voxels);
-    assert_eq!(volume.label_values.first(), Some(&0));
-    assert!(volume.label_values[1..].is_sorted_by(|a, b| a < b) && !volume.label_values[1..].contains(&0));
-    let mut voxels = vec![0; volume.label_values.len()];
+    let labels = volume.labels();
+    assert!(labels.is_sorted_by(|a, b| a.value < b.value) && labels.iter().all(|label| label.value != 0));
+    for name in labels.iter().filter_map(|label| label.name.as_deref()) {
+        assert!(!name.is_empty() && name.chars().count() <= 80 && !name.chars().any(char::is_control));
+    }
+    let mut voxels = vec![0; labels.len() + 1];
     indices.iter().for_each(|index| voxels[usize::from(*index)] += 1);
-    assert_eq!(volume.label_voxels, voxels);
-    assert!(volume.world_from_voxel.rows().iter().flatten().all(|entry| entry.is_finite()));
-    assert!(volume.world_from_voxel.spacing_mm().iter().all(|spacing| *spacing > 0.0 && spacing.is_finite()));
+    for (index, voxels) in (0..=u16::MAX).zip(voxels) {
+        assert_eq!(volume.voxels_of(index), voxels);
+        assert!(index == 0 || voxels > 0);
+    }
+    let world_from_voxel = volume.world_from_voxel();
+    assert!(world_from_voxel.rows().iter().flatten().all(|entry| entry.is_finite()));
+    assert!(world_from_voxel.spacing_mm().iter().all(|spacing| *spacing > 0.0 && spacing.is_finite()));
     assert_eq!(found.sha256.len(), 64);
 }
 

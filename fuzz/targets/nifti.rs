@@ -17,7 +17,8 @@ mod seeds;
 
 /// Buffers, the inflater, the table of two-byte values.
 const FIXED: usize = 1 << 20;
-/// What is remembered of a byte of content: at most every one is a label of its own.
+/// What is remembered of a byte of content: at most every one is a label of its own. An entry of a table of labels
+/// takes more bytes than it costs.
 const PER_BYTE: usize = 64;
 /// Index of a voxel.
 const PER_VOXEL: usize = 2;

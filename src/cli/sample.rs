@@ -10,7 +10,7 @@ use clap::Args;
 use nalgebra::{Rotation3, Unit, Vector3};
 
 use super::{cause, complain, exit};
-use crate::formats::nifti_write;
+use crate::formats::write;
 use crate::samples;
 
 /// Arguments of `sample`.
@@ -67,7 +67,7 @@ pub fn sample(arguments: SampleArgs) -> anyhow::Result<ExitCode> {
             return Ok(wrong(&format!("cannot write {}: {why}; name another file with --out", out.display())));
         }
     };
-    nifti_write::write(&volume, BufWriter::new(file)).context("cannot write the sample")?;
+    write::nifti::write(&volume, BufWriter::new(file)).context("cannot write the sample")?;
     Ok(ExitCode::SUCCESS)
 }
 

@@ -1,29 +1,17 @@
-//! Files: label maps in, medial representations out. In reading order: what a file is, the
-//! NIfTI reader part by part, the parameters, then one writer per artifact.
+//! Files: label maps in, medial representations out. In reading order: which formats are read, the
+//! readers, the parameters, which artifacts are made, their writers.
 
-mod read_error;
+pub mod readers;
 
-mod sniff;
-
-mod stream;
-
-mod nifti_header;
-
-mod nifti_affine;
-
-mod nifti_voxels;
-
-pub mod nifti;
-
-pub mod nifti_write;
+mod read;
 
 pub mod params_json;
 
-pub mod write;
-
 pub mod artifacts;
 
-pub use nifti::{InputLimits, ReadVolume, read, read_file};
-pub use read_error::ReadError;
+pub mod write;
+
 #[cfg(feature = "service")]
-pub(crate) use stream::hex;
+pub(crate) use read::stream::hex;
+pub use read::{HeaderFacts, InputLimits, ReadError};
+pub use readers::{ReadVolume, read, read_file};

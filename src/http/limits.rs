@@ -11,6 +11,7 @@ use serde_json::Value;
 use super::jobs::MAX_WAIT_S;
 use super::params_schema::ParamsSchema;
 use crate::formats::artifacts::ARTIFACTS;
+use crate::formats::readers;
 use crate::jobs::service::Jobs;
 use crate::params::LABEL_COUNT;
 
@@ -21,7 +22,7 @@ const DIMENSIONS: u32 = 3;
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 pub struct Limits {
     /// Files that are taken: told by their first bytes.
-    formats: [&'static str; 2],
+    formats: Vec<String>,
     /// Largest upload, bytes as sent.
     max_upload_bytes: u64,
     /// Longest silence during an upload, seconds.
@@ -79,7 +80,7 @@ pub async fn limits(State(jobs): State<Arc<Jobs>>) -> Json<Limits> {
     let seconds = |time: Option<Duration>| time.map(|time| time.as_secs());
     let keep = limits.keep;
     Json(Limits {
-        formats: ["NIfTI-1 (.nii, .nii.gz)", "NIfTI-2 (.nii, .nii.gz)"],
+        formats: readers::versions_with_endings(),
         max_upload_bytes: limits.upload.max_bytes,
         upload_idle_seconds: limits.upload.idle.as_secs(),
         upload_seconds: limits.upload.total.as_secs(),

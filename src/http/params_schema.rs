@@ -8,6 +8,7 @@ use utoipa::openapi::{RefOr, Schema};
 use utoipa::{IntoParams, PartialSchema, ToSchema};
 
 use crate::formats::params_json::given_to_json;
+use crate::formats::readers;
 use crate::params::{Given, PARAMS, Param, Shape};
 
 /// Query of a submission.
@@ -48,7 +49,7 @@ impl PartialSchema for FormSchema {
             "properties": {
                 "mask": {
                     "type": "string", "format": "binary",
-                    "description": "The mask: NIfTI-1 or NIfTI-2, plain or gzip."
+                    "description": format!("The mask: {}, plain or gzip.", readers::versions())
                 },
                 "params": {"$ref": "#/components/schemas/Params"},
                 "labels": {

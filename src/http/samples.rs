@@ -20,7 +20,7 @@ use super::auth::{Allowed, Read, TokenProblems, TooManyRequests};
 use super::error::{ApiError, PROBLEM_JSON};
 use super::extract::has_it;
 use super::params_schema::BytesSchema;
-use crate::formats::{hex, nifti_write};
+use crate::formats::{hex, write};
 use crate::problem::Problem;
 use crate::samples;
 
@@ -124,7 +124,7 @@ fn make(name: &'static str) -> io::Result<SampleFile> {
     let sample = samples::by_name(name).ok_or(io::ErrorKind::NotFound)?;
     let volume = sample.voxelise([samples::SPACING_MM; 3], Rotation3::identity()).map_err(io::Error::other)?;
     let mut bytes = Vec::new();
-    nifti_write::write(&volume, &mut bytes)?;
+    write::nifti::write(&volume, &mut bytes)?;
     tracing::info!(name, bytes = bytes.len(), "sample made");
     Ok(SampleFile { etag: format!("\"{}\"", hex(&Sha256::digest(&bytes))), bytes: bytes.into() })
 }

@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use crate::formats::nifti::HeaderFacts;
+use crate::formats::HeaderFacts;
 use crate::params::CheckedParams;
 
 /// Nanoseconds for each voxel of the volume: reading, and looking for labels.

@@ -105,10 +105,9 @@ pub fn process(
     let read = formats::read_file(mask, limits, observer)?;
     let read_ms = milliseconds(start);
     let model = pipeline::run(&read.volume, params, observer)?;
-    let notices = read.volume.notices;
-    let warnings = notices.into_iter().map(|n| Warning { code: n.code.into(), message: n.message }).collect();
     // The voxels are not needed any more, and there may be many of them.
-    drop(read.volume.indices);
+    let notices = read.volume.into_notices();
+    let warnings = notices.into_iter().map(|n| Warning { code: n.code.into(), message: n.message }).collect();
     let input = InputFacts { sha256: read.sha256, format: read.format.to_owned() };
     publish(model, Source { input, warnings, start, read_ms }, (out, keep), observer)
 }

@@ -17,8 +17,8 @@ use super::blocking::on_own_thread;
 use super::job::MaskInfo;
 use super::process::InputLimits;
 use super::store::blobs::Blobs;
-use crate::formats::nifti::{HeaderFacts, MAGIC_BYTES, check_header, check_magic};
-use crate::formats::{ReadError, hex};
+use crate::formats::readers::{MAGIC_BYTES, check_header, check_magic};
+use crate::formats::{HeaderFacts, ReadError, hex};
 use crate::problem::Problem;
 
 /// What is still read of a refused upload, so that a client that writes before it reads gets the

@@ -30,7 +30,7 @@ use crate::space::LabelVolume;
 pub fn run(volume: &LabelVolume, params: &CheckedParams, observer: &dyn Observer) -> Result<Model, PipelineError> {
     let indices = label_indices(volume, params)?;
     let boxes = label_boxes(volume, observer)?;
-    observer.begun(&indices.iter().map(|&index| volume.label_voxels[usize::from(index)]).collect::<Vec<_>>());
+    observer.begun(&indices.iter().map(|&index| volume.voxels_of(index)).collect::<Vec<_>>());
     let structure = |number: usize| {
         let index = indices[number];
         let bounds = boxes[usize::from(index)].ok_or(Refusal::EmptyMask)?;
@@ -48,8 +48,8 @@ pub fn run(volume: &LabelVolume, params: &CheckedParams, observer: &dyn Observer
         Some(refusal) if structures.iter().all(|s| s.refusal.is_some()) => Err(refusal.into()),
         _ => Ok(Model {
             params: params.clone(),
-            world_from_voxel: volume.world_from_voxel,
-            dims: volume.indices.dims(),
+            world_from_voxel: volume.world_from_voxel(),
+            dims: volume.dims(),
             structures,
         }),
     }
@@ -78,14 +78,14 @@ fn structure(volume: &LabelVolume, label: Label, context: Context<'_>) -> Result
 
 /// A structure of which nothing is known yet but its label.
 fn blank(volume: &LabelVolume, label: Label, params: &CheckedParams) -> Structure {
-    let index = usize::from(label.index);
-    let voxels = volume.label_voxels[index];
+    let voxels = volume.voxels_of(label.index);
+    let known = &volume.labels()[usize::from(label.index)];
     Structure {
-        label: volume.label_values[index],
-        name: params.names.get(&volume.label_values[index]).cloned(),
-        color: None,
+        label: known.value,
+        name: params.names.get(&known.value).or(known.name.as_ref()).cloned(),
+        color: known.color,
         voxels,
-        volume_mm3: voxels as f64 * volume.world_from_voxel.voxel_volume_mm3(),
+        volume_mm3: voxels as f64 * volume.world_from_voxel().voxel_volume_mm3(),
         working_voxel_mm: 0.0,
         figures: Vec::new(),
         junctions: Vec::new(),
@@ -142,15 +142,11 @@ fn in_lanes<T: Send>(order: &[usize], work: impl Fn(usize) -> T + Sync) -> Vec<T
 fn label_indices(volume: &LabelVolume, params: &CheckedParams) -> Result<Vec<u16>, Refusal> {
     /// Labels named in a refusal.
     const NAMED: usize = 20;
-    let present = &volume.label_values[1..];
-    let index_of = |label: i64| {
-        let position = volume.label_values.iter().skip(1).position(|&v| v == label)?;
-        u16::try_from(position + 1).ok()
-    };
+    let present: Vec<i64> = volume.labels().iter().map(|label| label.value).collect();
     if present.is_empty() {
         return Err(Refusal::EmptyMask);
     }
-    let wanted = params.labels.as_deref().unwrap_or(present);
+    let wanted = params.labels.as_deref().unwrap_or(&present);
     let missing = |label: i64| Refusal::LabelMissing { label, present: present.iter().copied().take(NAMED).collect() };
-    wanted.iter().map(|&label| index_of(label).ok_or_else(|| missing(label))).collect()
+    wanted.iter().map(|&label| volume.index_of(label).ok_or_else(|| missing(label))).collect()
 }

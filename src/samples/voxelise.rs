@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
 
 use super::{Ball, Sample, Solid};
-use crate::space::{AffineError, Grid, LabelVolume, WorldFromVoxel};
+use crate::space::{AffineError, Grid, Label, LabelVolume, LabelVolumeError, WorldFromVoxel};
 
 /// Empty voxels left round a sample.
 const MARGIN_VOXELS: f64 = 3.0;
@@ -25,6 +25,9 @@ pub enum VoxeliseError {
     /// The grid is degenerate.
     #[error(transparent)]
     Affine(#[from] AffineError),
+    /// Two solids have the same label, or one has 0.
+    #[error(transparent)]
+    Labels(#[from] LabelVolumeError),
 }
 
 impl Sample {
@@ -60,13 +63,8 @@ impl Sample {
         for (index, (_, solid)) in (1_u16..).zip(&by_label) {
             fill(&mut indices, index, solid, &world_from_voxel);
         }
-        let mut label_voxels = vec![0; by_label.len() + 1];
-        for &index in indices.as_slice() {
-            label_voxels[usize::from(index)] += 1;
-        }
-        let labels = by_label.iter().map(|(label, _)| i64::from(*label));
-        let label_values = std::iter::once(0).chain(labels).collect();
-        Ok(LabelVolume { indices, label_values, label_voxels, world_from_voxel, notices: Vec::new() })
+        let labels = by_label.iter().map(|(label, _)| Label::new(i64::from(*label))).collect();
+        Ok(LabelVolume::new(indices, labels, world_from_voxel)?)
     }
 
     /// The smallest grid of these axes that holds all balls.

@@ -1,4 +1,4 @@
-//! Where things are: points with a space in their type, the affine between voxels and the
+//! Where things are: the names of points in world and plane, the affine between voxels and the
 //! world, and dense grids. Knows no anatomy and no file format.
 
 mod affine;
@@ -9,7 +9,8 @@ mod volume;
 
 pub use affine::{AffineError, WorldFromVoxel};
 pub use grid::{Grid, VoxelIndex};
-pub use volume::{LabelVolume, VolumeNotice};
+pub(crate) use volume::ascending;
+pub use volume::{Label, LabelVolume, LabelVolumeError, VolumeNotice};
 
 /// A point in NIfTI world space: millimetres, RAS+ (x to the patient's right, y anterior,
 /// z superior).

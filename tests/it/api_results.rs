@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use axum::body::Body;
 use axum::http::Request;
-use medialrep::formats::nifti_write;
+use medialrep::formats::write;
 use medialrep::jobs::process::{Kept, process};
 use medialrep::jobs::worker::Processor;
 use serde_json::Value;
@@ -81,7 +81,7 @@ fn processes() -> Processor {
 async fn job_of_a_slab(server: &Server, params: &str) -> String {
     let slab = volume("slab");
     let mut file = Vec::new();
-    nifti_write::write(&slab, &mut file).unwrap();
+    write::nifti::write(&slab, &mut file).unwrap();
     let query: String = form_urlencoded::byte_serialize(params.as_bytes()).collect();
     let answer = server.post(&format!("/v1/jobs?params={query}"), file).await;
     assert_eq!(answer.status, 202, "{}", answer.text());

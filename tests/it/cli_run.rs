@@ -150,6 +150,6 @@ fn sample_lists_and_writes() {
     let read =
         medialrep::formats::read_file(&file, medialrep::formats::InputLimits::default(), &medialrep::cancel::Never)
             .unwrap();
-    let spacing = read.volume.world_from_voxel.spacing_mm();
-    assert!((spacing[2] - 2.0).abs() < 1e-5 && read.volume.label_voxels[1] > 1000);
+    let spacing = read.volume.world_from_voxel().spacing_mm();
+    assert!((spacing[2] - 2.0).abs() < 1e-5 && read.volume.voxels_of(1) > 1000);
 }

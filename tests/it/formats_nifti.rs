@@ -1,7 +1,8 @@
 //! What the NIfTI reader makes of good files.
 
-use medialrep::formats::{InputLimits, ReadVolume, nifti_write, read};
+use medialrep::formats::{InputLimits, ReadVolume, read, write};
 use medialrep::samples;
+use medialrep::space::Label;
 use nalgebra::{Point3, Rotation3, Vector3};
 use proptest::prelude::*;
 
@@ -16,27 +17,39 @@ fn read_ok(bytes: &[u8]) -> ReadVolume {
 /// What holds for every volume that is read.
 fn check_invariants(read: &ReadVolume) {
     let volume = &read.volume;
-    assert_eq!(volume.label_values[0], 0);
-    assert!(volume.label_values[1..].windows(2).all(|pair| pair[0] < pair[1]));
-    assert!(!volume.label_values[1..].contains(&0));
-    assert_eq!(volume.label_voxels.len(), volume.label_values.len());
-    let mut counted = vec![0; volume.label_values.len()];
-    for index in volume.indices.as_slice() {
+    let values = label_values(read);
+    assert!(values.windows(2).all(|pair| pair[0] < pair[1]));
+    assert!(!values.contains(&0));
+    let mut counted = vec![0; values.len() + 1];
+    for index in volume.indices().as_slice() {
         counted[usize::from(*index)] += 1;
     }
-    assert_eq!(counted, volume.label_voxels);
+    assert_eq!(counted, counts(read));
+    assert!(counted[1..].iter().all(|count| *count > 0));
 }
 
+/// The labels that there are.
+fn label_values(read: &ReadVolume) -> Vec<i64> {
+    read.volume.labels().iter().map(|label| label.value).collect()
+}
+
+/// Voxels of the background, and of each label.
+fn counts(read: &ReadVolume) -> Vec<u64> {
+    (0..).take(read.volume.labels().len() + 1).map(|index| read.volume.voxels_of(index)).collect()
+}
+
+/// The label of each voxel.
 fn labels(read: &ReadVolume) -> Vec<i64> {
-    read.volume.indices.as_slice().iter().map(|index| read.volume.label_values[usize::from(*index)]).collect()
+    let value = |index: &u16| read.volume.label(*index).map_or(0, |label| label.value);
+    read.volume.indices().as_slice().iter().map(value).collect()
 }
 
 fn notices(read: &ReadVolume) -> Vec<&'static str> {
-    read.volume.notices.iter().map(|notice| notice.code).collect()
+    read.volume.notices().iter().map(|notice| notice.code).collect()
 }
 
 fn corner(read: &ReadVolume, voxel: [f64; 3]) -> Vector3<f64> {
-    read.volume.world_from_voxel.point(Point3::from(voxel)).coords
+    read.volume.world_from_voxel().point(Point3::from(voxel)).coords
 }
 
 /// Stored bytes of `values` in a datatype; `None` where the datatype cannot hold them.
@@ -89,7 +102,7 @@ fn every_datatype_in_both_orders_and_versions_gives_the_same_labels() {
             let what = format!("datatype {datatype}, version {version}, big endian {big_endian}");
             let read = read_ok(&file.bytes());
             assert_eq!(&labels(&read), values, "{what}");
-            assert_eq!(read.volume.indices.dims(), [4, 3, 2], "{what}");
+            assert_eq!(read.volume.dims(), [4, 3, 2], "{what}");
             assert_eq!(corner(&read, [1.0, 1.0, 1.0]), Vector3::new(-9.0, -18.0, -27.0), "{what}");
             assert!(notices(&read).is_empty(), "{what}");
             assert_eq!(read.format, ["nifti1", "nifti2"][usize::from(version) - 1]);
@@ -143,20 +156,20 @@ fn voxels_start_where_the_header_says() {
 fn trailing_dimensions_of_zero_or_one_mean_one_volume() {
     for dim in [[4, 4, 3, 2, 0, 0, 0, 0], [5, 4, 3, 2, 1, 1, 1, 1], [7, 4, 3, 2, 1, 0, 1, 0], [3, 4, 3, 2, 9, 9, 9, 9]]
     {
-        assert_eq!(read_ok(&Nifti { dim, ..Nifti::small(1) }.bytes()).volume.indices.dims(), [4, 3, 2]);
+        assert_eq!(read_ok(&Nifti { dim, ..Nifti::small(1) }.bytes()).volume.dims(), [4, 3, 2]);
     }
 }
 
 #[test]
 fn a_plane_is_one_slice() {
     let file = Nifti { dim: [2, 6, 4, 99, 0, 0, 0, 0], ..Nifti::small(1) };
-    assert_eq!(read_ok(&file.bytes()).volume.indices.dims(), [6, 4, 1]);
+    assert_eq!(read_ok(&file.bytes()).volume.dims(), [6, 4, 1]);
 }
 
 #[test]
 fn values_are_scaled() {
     let file = Nifti { scl_slope: 0.5, scl_inter: -1.0, voxels: [2, 4, 6, 84].repeat(6), ..Nifti::small(1) };
-    assert_eq!(read_ok(&file.bytes()).volume.label_values, [0, 1, 2, 41]);
+    assert_eq!(label_values(&read_ok(&file.bytes())), [1, 2, 41]);
     for slope in [0.0, f64::NAN, 1.0] {
         let file = Nifti { scl_slope: slope, ..Nifti::small(1) };
         assert_eq!(labels(&read_ok(&file.bytes())), (0..24).collect::<Vec<_>>(), "slope {slope}");
@@ -168,16 +181,17 @@ fn float_labels_a_hair_off_are_whole_and_nan_is_background() {
     let values = [0.0, 1.0004, 1.9996, f32::NAN, -0.0, f32::from_bits(0x7fc0_0001)];
     let voxels = values.iter().cycle().take(24).flat_map(|x| x.to_le_bytes()).collect();
     let read = read_ok(&Nifti { datatype: 16, bitpix: 32, voxels, ..Nifti::small(1) }.bytes());
-    assert_eq!(read.volume.label_values, [0, 1, 2]);
-    assert_eq!(read.volume.label_voxels, [16, 4, 4]);
+    assert_eq!(label_values(&read), [1, 2]);
+    assert_eq!(counts(&read), [16, 4, 4]);
     assert_eq!(notices(&read), ["nan_voxels"]);
-    assert!(read.volume.notices[0].message.starts_with("8 voxels"), "{}", read.volume.notices[0].message);
+    let message = &read.volume.notices()[0].message;
+    assert!(message.starts_with("8 voxels"), "{message}");
 }
 
 #[test]
 fn an_empty_mask_is_no_error_of_the_file() {
     let read = read_ok(&Nifti { voxels: vec![0; 24], ..Nifti::small(1) }.bytes());
-    assert_eq!(read.volume.label_voxels, [24]);
+    assert_eq!(counts(&read), [24]);
 }
 
 #[test]
@@ -254,12 +268,104 @@ fn a_written_sample_is_read_back_the_same() {
     for (name, spacing_mm) in [("two", [1.0, 1.5, 2.0]), ("leaf", [0.9; 3])] {
         let volume = samples::by_name(name).unwrap().voxelise(spacing_mm, turn).unwrap();
         let mut bytes = Vec::new();
-        nifti_write::write(&volume, &mut bytes).unwrap();
+        write::nifti::write(&volume, &mut bytes).unwrap();
         let read = read_ok(&bytes).volume;
-        assert_eq!(read.indices, volume.indices);
-        assert_eq!((read.label_values, read.label_voxels), (volume.label_values, volume.label_voxels));
-        let gap = read.world_from_voxel.matrix() - volume.world_from_voxel.matrix();
+        assert_eq!((read.indices(), read.labels()), (volume.indices(), volume.labels()));
+        let gap = read.world_from_voxel().matrix() - volume.world_from_voxel().matrix();
         assert!(gap.abs().max() < 1e-5, "float32 rounds to {}", gap.abs().max());
+    }
+}
+
+/// A document round a table, as TotalSegmentator writes it.
+fn table(labels: &str) -> String {
+    format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?> <CaretExtension> <VolumeInformation Index=\"0\"> \
+         <LabelTable>{labels}</LabelTable> </VolumeInformation></CaretExtension>"
+    )
+}
+
+const CAUDATE: &str = "<Label Key=\"3\" Red=\"0\" Green=\"0.6\" Blue=\"1\" Alpha=\"1\">left caudate</Label>";
+
+/// A file with records between header and voxels.
+fn extended(version: u8, big_endian: bool, records: &[(i32, &str)]) -> Nifti {
+    Nifti { big_endian, ..Nifti::small(version) }.with_extensions(records)
+}
+
+#[track_caller]
+fn check_passed_over(what: &str, file: &Nifti) {
+    let read = read_ok(&file.bytes());
+    assert_eq!(labels(&read), (0..24).collect::<Vec<_>>(), "{what}");
+    assert_eq!(notices(&read), ["label_table_ignored"], "{what}");
+    assert!(read.volume.labels().iter().all(|label| *label == Label::new(label.value)), "{what}");
+}
+
+#[test]
+fn labels_have_the_names_and_colours_of_a_table_in_the_header() {
+    let labels = format!("<Label Key=\"0\">none</Label>{CAUDATE}<Label Key=\"99\">not in the mask</Label>");
+    let table = table(&labels);
+    for (version, big_endian) in [(1, false), (1, true), (2, false), (2, true)] {
+        for records in [vec![(0, &*table)], vec![(6, "a comment"), (30, &table), (32, "<a/>")]] {
+            let read = read_ok(&extended(version, big_endian, &records).bytes());
+            let named = Label { value: 3, name: Some("left caudate".to_owned()), color: Some([0, 153, 255]) };
+            assert_eq!(read.volume.labels()[2], named);
+            assert_eq!(read.volume.labels()[3], Label::new(4));
+            assert_eq!((read.volume.labels().len(), notices(&read)), (23, Vec::new()));
+        }
+    }
+}
+
+#[test]
+fn a_hostile_table_is_passed_over_and_the_voxels_are_read() {
+    let table = table(CAUDATE);
+    let laughs = format!("<!DOCTYPE a [<!ENTITY a \"ha\"><!ENTITY b \"&a;&a;\">]>{}", table.replace("left", "&b;"));
+    let outside = format!("<!DOCTYPE a [<!ENTITY b SYSTEM \"file:///etc/passwd\">]>{}", table.replace("left", "&b;"));
+    let deep = format!("{}{table}", "<a>".repeat(100_000));
+    for (what, document) in
+        [("laughs", &*laughs), ("outside", &outside), ("deep", &deep), ("cut", &table[..table.len() / 2])]
+    {
+        check_passed_over(what, &extended(1, false, &[(0, document)]));
+    }
+    let mut latin_1 = extended(1, false, &[(0, &table)]);
+    let at = latin_1.extension.windows(4).position(|bytes| bytes == b"left").unwrap();
+    latin_1.extension[at] = 0xe9;
+    check_passed_over("latin-1", &latin_1);
+}
+
+#[test]
+fn a_table_in_a_document_of_megabytes_is_passed_over() {
+    let table = table(CAUDATE);
+    for spaces in [(4 << 20) - table.len() - 16, 4 << 20] {
+        let file = extended(2, false, &[(0, &format!("{table}{}", " ".repeat(spaces)))]);
+        let read = read_ok(&file.bytes());
+        let is_small = spaces < 4 << 20;
+        assert_eq!((read.volume.labels()[2].name.is_some(), notices(&read).is_empty()), (is_small, is_small));
+    }
+}
+
+#[test]
+fn a_broken_list_of_extensions_is_passed_over() {
+    let whole = extended(1, false, &[(6, "no table"), (0, &table(CAUDATE))]);
+    for size in [0, 7, -1, -16, i32::MIN, i32::MAX, 1 << 20] {
+        let mut file = whole.clone();
+        file.extension[4..8].copy_from_slice(&i32::to_le_bytes(size));
+        check_passed_over(&format!("a size of {size}"), &file);
+    }
+}
+
+#[test]
+fn zeros_after_the_last_extension_are_padding() {
+    let mut file = extended(1, false, &[(0, &table(CAUDATE).replace("LabelTable", "Nothing"))]);
+    file.extension.extend([0; 40]);
+    file.vox_offset += 40.0;
+    assert!(notices(&read_ok(&file.bytes())).is_empty());
+}
+
+#[test]
+fn a_file_that_ends_within_an_extension_is_truncated() {
+    let file = extended(1, false, &[(0, &table(CAUDATE))]).bytes();
+    for end in [350, 352, 356, 360, 500] {
+        let error = read(&file[..end], InputLimits::default()).unwrap_err();
+        assert_eq!((error.code(), error.location()), ("truncated", format!("byte {end}")));
     }
 }
 

@@ -54,10 +54,10 @@ fn real_files_are_read_as_nibabel_reads_them() {
     let Some(folder) = shared_data() else { return };
     for (name, dims, labels, position) in CASES {
         let volume = read_file(&folder.join(name), InputLimits::default(), &medialrep::cancel::Never).unwrap().volume;
-        assert_eq!(volume.indices.dims(), dims, "{name}");
-        let found = volume.label_values.iter().copied().zip(volume.label_voxels.iter().copied()).skip(1);
+        assert_eq!(volume.dims(), dims, "{name}");
+        let found = volume.labels().iter().zip(1..).map(|(label, index)| (label.value, volume.voxels_of(index)));
         assert_eq!(found.collect::<Vec<_>>(), labels, "{name}");
-        let at = volume.world_from_voxel.point(Point3::new(1.0, 2.0, 3.0)).coords;
+        let at = volume.world_from_voxel().point(Point3::new(1.0, 2.0, 3.0)).coords;
         assert!((at - Vector3::from(position)).abs().max() < 2e-4, "{name}: {at}");
     }
 }

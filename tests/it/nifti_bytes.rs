@@ -61,6 +61,24 @@ impl Nifti {
         }
     }
 
+    /// With records of a code and a content each between header and voxels.
+    pub fn with_extensions(self, records: &[(i32, &str)]) -> Self {
+        let mut extension = vec![1, 0, 0, 0];
+        for (code, content) in records {
+            // A whole number of 16 bytes.
+            let size = (8 + content.len()).next_multiple_of(16);
+            let start = extension.len();
+            let mut head = Fields { bytes: vec![0; 8], big_endian: self.big_endian };
+            head.put(0, i32::try_from(size).unwrap().to_le_bytes());
+            head.put(4, code.to_le_bytes());
+            extension.extend(head.bytes);
+            extension.extend(content.as_bytes());
+            extension.resize(start + size, 0);
+        }
+        let vox_offset = first_offset(self.version) - 4.0 + extension.len() as f64;
+        Self { extension, vox_offset, ..self }
+    }
+
     pub fn bytes(&self) -> Vec<u8> {
         let mut bytes = if self.version == 1 { self.header_1() } else { self.header_2() };
         bytes.extend(&self.extension);

@@ -78,17 +78,17 @@ fn spleen() -> LabelVolume {
         |s, t| 12.0 - 4.5 * centred(s).powi(2) - 3.0 * centred(t).powi(2),
     );
     let whole = mask(vec![plate], [1.6, 1.6, 4.0], Rotation3::from_euler_angles(0.1, -0.2, 0.15));
-    let mut cut = whole.indices.clone();
+    let mut cut = whole.indices().clone();
     for offset in 0..cut.as_slice().len() {
         let at = Point3::from(cut.index(offset).map(|n| n as f64));
-        let world = whole.world_from_voxel.point(at);
+        let world = whole.world_from_voxel().point(at);
         // A wedge, 9 mm wide at the rim and 16 mm deep.
         let depth = world.y - 20.0;
         if depth > 0.0 && (world.z - 9.3).abs() < 0.28 * depth {
             cut.as_mut_slice()[offset] = 0;
         }
     }
-    roughened(&counted(cut, whole.world_from_voxel), 0.02)
+    roughened(&counted(cut, whole.world_from_voxel()), 0.02)
 }
 
 /// Runs out from a tendon into a fan, sagging as it does.

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 use medialrep::cancel::Cancel;
-use medialrep::formats::{InputLimits, nifti_write};
+use medialrep::formats::{InputLimits, write};
 use medialrep::jobs::process::{Kept, ProcessError, process};
 use medialrep::model::Stage;
 use medialrep::params::Params;
@@ -21,7 +21,7 @@ use crate::left_out::left_out;
 fn folder_with(sample: &str, spacing_mm: f64) -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let volume = by_name(sample).unwrap().voxelise([spacing_mm; 3], Rotation3::identity()).unwrap();
-    nifti_write::write(&volume, std::fs::File::create(folder.path().join("mask.nii.gz")).unwrap()).unwrap();
+    write::nifti::write(&volume, std::fs::File::create(folder.path().join("mask.nii.gz")).unwrap()).unwrap();
     folder
 }
 

@@ -22,7 +22,7 @@ fn worst(a: &Sheet, b: &Sheet) -> f64 {
 /// The same voxels in other storage: axis `a` of the new file is `order[a]` of the old one, read
 /// backwards where `is_reversed`, with `shift` voxels left out (−) or added (+) at either end.
 fn stored(volume: &LabelVolume, order: [usize; 3], is_reversed: [bool; 3], shift: i64) -> LabelVolume {
-    let old = volume.indices.dims();
+    let old = volume.dims();
     let grown = |n: usize| usize::try_from(i64::try_from(n).expect("small") + 2 * shift).expect("something is left");
     let dims = order.map(|a| grown(old[a]));
     let mut indices = Grid::filled(dims, 0u16);
@@ -37,9 +37,9 @@ fn stored(volume: &LabelVolume, order: [usize; 3], is_reversed: [bool; 3], shift
     };
     for offset in 0..indices.as_slice().len() {
         let at = indices.index(offset);
-        indices.as_mut_slice()[offset] = source(at).map_or(0, |from| volume.indices[from]);
+        indices.as_mut_slice()[offset] = source(at).map_or(0, |from| volume.indices()[from]);
     }
-    let rows = volume.world_from_voxel.rows();
+    let rows = volume.world_from_voxel().rows();
     let rows = std::array::from_fn(|r| {
         let sign = |a: usize| if is_reversed[a] { -1.0 } else { 1.0 };
         let last = |a: usize| if is_reversed[a] { (old[order[a]] - 1) as f64 } else { 0.0 };
@@ -62,7 +62,7 @@ fn check_storages(name: &str, spacing_mm: [f64; 3], rotation: Rotation3<f64>) {
     let figure = figure_of(&plain);
     for (order, is_reversed, shift) in STORAGES {
         let other = stored(&plain, order, is_reversed, shift);
-        assert_eq!(other.label_voxels[1], plain.label_voxels[1], "nothing of the object is cut off");
+        assert_eq!(other.voxels_of(1), plain.voxels_of(1), "nothing of the object is cut off");
         let off = worst(&figure, &figure_of(&other));
         assert!(off <= 1e-6, "{name} as {order:?} {is_reversed:?} {shift:+}: nodes are off by {off:.2e} mm");
     }
@@ -82,17 +82,17 @@ fn storage_crop_and_padding_change_no_node_of_uneven_voxels() {
 
 /// A sample moved to one side of the body.
 fn beside(name: &str, x: f64, rotation: Rotation3<f64>) -> LabelVolume {
-    let mut volume = sample(name).voxelise([1.0; 3], rotation).expect("fits");
-    volume.world_from_voxel = volume.world_from_voxel.translated(Vector3::x() * x);
-    volume
+    let volume = sample(name).voxelise([1.0; 3], rotation).expect("fits");
+    let there = volume.world_from_voxel().translated(Vector3::x() * x);
+    volume.placed(there)
 }
 
 /// The mirror image of a volume in the plane x = 0.
 fn mirrored(volume: &LabelVolume) -> LabelVolume {
-    let mut rows = volume.world_from_voxel.rows();
+    let mut rows = volume.world_from_voxel().rows();
     rows[0] = rows[0].map(|x| -x);
     let world_from_voxel = WorldFromVoxel::from_rows([rows[0], rows[1], rows[2]]).expect("still an affine");
-    LabelVolume { world_from_voxel, ..volume.clone() }
+    volume.clone().placed(world_from_voxel)
 }
 
 fn reflected(mut figure: Sheet) -> Sheet {

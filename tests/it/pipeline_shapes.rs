@@ -4,7 +4,7 @@ use medialrep::samples::Sample;
 use medialrep::space::{LabelVolume, WorldFromVoxel};
 use nalgebra::Rotation3;
 
-use crate::phantoms::{check_invariants, drift, model_of, params, rms, roughened, sample, turned, volume};
+use crate::phantoms::{check_invariants, counted, drift, model_of, params, rms, roughened, sample, turned, volume};
 
 /// Bars of one shape, in voxels of 1 mm. Flat faces that lie along the grid cannot be placed
 /// better than half a voxel.
@@ -132,23 +132,19 @@ fn the_same_solid_on_a_turned_grid_gives_the_same_nodes() {
 
 /// The same voxels stored with axes permuted (i→j→k→i) and the first one reversed.
 fn restored(volume: &LabelVolume) -> LabelVolume {
-    let [nx, ny, nz] = volume.indices.dims();
+    let [nx, ny, nz] = volume.dims();
     let mut indices = medialrep::space::Grid::filled([ny, nz, nx], 0u16);
     for k in 0..nz {
         for j in 0..ny {
             for i in 0..nx {
-                indices[[ny - 1 - j, k, i]] = volume.indices[[i, j, k]];
+                indices[[ny - 1 - j, k, i]] = volume.indices()[[i, j, k]];
             }
         }
     }
-    let old = volume.world_from_voxel.rows();
+    let old = volume.world_from_voxel().rows();
     let last = (ny - 1) as f64;
     let rows = std::array::from_fn(|r| [-old[r][1], old[r][2], old[r][0], old[r][3] + old[r][1] * last]);
-    LabelVolume {
-        indices,
-        world_from_voxel: WorldFromVoxel::from_rows(rows).expect("still an affine"),
-        ..volume.clone()
-    }
+    counted(indices, WorldFromVoxel::from_rows(rows).expect("still an affine"))
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! The shapes, and the masks that are made of them.
 
 use medialrep::samples::Sample;
-use medialrep::space::{Grid, LabelVolume, WorldFromVoxel};
+use medialrep::space::{Grid, Label, LabelVolume, WorldFromVoxel};
 use nalgebra::{Rotation3, Unit, Vector3};
 
 /// Where the grid begins, in voxels. Of a grid along the shape's axes a flat face is off by half a voxel less
@@ -79,25 +79,23 @@ pub fn turned() -> Rotation3<f64> {
 /// Flips a share of the voxels of the one label that touch its boundary. Which ones follows from where they
 /// lie in the grid alone: one voxel more or less in the mask does not flip others far from it.
 pub fn roughened(volume: &LabelVolume, share: f64) -> LabelVolume {
-    let [nx, ny, _] = volume.indices.dims();
-    let old = volume.indices.as_slice();
-    let mut new = volume.indices.clone();
+    let [nx, ny, _] = volume.dims();
+    let old = volume.indices().as_slice();
+    let mut new = volume.indices().clone();
     for o in nx * ny + nx + 1..old.len() - nx * ny - nx - 1 {
         let around = [o - 1, o + 1, o - nx, o + nx, o - nx * ny, o + nx * ny];
         if around.iter().any(|&n| old[n] != old[o]) && share_of(o as u64) < share {
             new.as_mut_slice()[o] = 1 - old[o];
         }
     }
-    counted(new, volume.world_from_voxel)
+    counted(new, volume.world_from_voxel())
 }
 
 /// Labels equal to their indices.
 pub fn counted(indices: Grid<u16>, world_from_voxel: WorldFromVoxel) -> LabelVolume {
-    let most = usize::from(*indices.as_slice().iter().max().expect("voxels"));
-    let mut label_voxels = vec![0_u64; most + 1];
-    indices.as_slice().iter().for_each(|&l| label_voxels[usize::from(l)] += 1);
-    let label_values = (0..=i64::try_from(most).expect("small")).collect();
-    LabelVolume { indices, label_values, label_voxels, world_from_voxel, notices: Vec::new() }
+    let most = *indices.as_slice().iter().max().expect("voxels");
+    let labels = (1..=most).map(|label| Label::new(i64::from(label))).collect();
+    LabelVolume::new(indices, labels, world_from_voxel).expect("labels that ascend")
 }
 
 /// A number from 0 to 1 that looks random and is the same in every run (splitmix64, Steele et al. 2014).

@@ -16,3 +16,5 @@ pub mod thickness;
 pub mod tables;
 
 pub mod record;
+
+pub mod nifti;

@@ -34,14 +34,14 @@ pub struct Label {
     pub bounds: LabelBox,
 }
 
-/// Boxes of all labels in one pass, by index into the volume's `label_values`.
+/// Boxes of all labels in one pass, by index of the label.
 ///
 /// # Errors
 /// When it is cancelled.
 pub fn label_boxes(volume: &LabelVolume, cancel: &dyn Cancel) -> Result<Vec<Option<LabelBox>>, Cancelled> {
-    let [nx, ny, _] = volume.indices.dims();
-    let mut boxes: Vec<Option<LabelBox>> = vec![None; volume.label_values.len()];
-    for (row, values) in volume.indices.as_slice().chunks_exact(nx).enumerate() {
+    let [nx, ny, _] = volume.dims();
+    let mut boxes: Vec<Option<LabelBox>> = vec![None; volume.labels().len() + 1];
+    for (row, values) in volume.indices().as_slice().chunks_exact(nx).enumerate() {
         cancel.check()?;
         let (j, k) = (row % ny, row / ny);
         let mut i = 0;
@@ -64,7 +64,7 @@ pub fn label_boxes(volume: &LabelVolume, cancel: &dyn Cancel) -> Result<Vec<Opti
 
 /// Warns of a label that touches the edge of the image.
 pub(super) fn warn_if_cut(volume: &LabelVolume, Label { index, bounds }: Label, context: &Context<'_>) {
-    let dims = volume.indices.dims();
+    let dims = volume.dims();
     let touched = (0..3).filter(|&a| bounds.low[a] == 0 || bounds.high[a] + 1 == dims[a]);
     let mut cut = 0;
     for axis in touched {
@@ -74,7 +74,7 @@ pub(super) fn warn_if_cut(volume: &LabelVolume, Label { index, bounds }: Label, 
                 for y in 0..dims[q] {
                     let mut at = [0; 3];
                     (at[axis], at[p], at[q]) = (face, x, y);
-                    cut += usize::from(volume.indices[at] == index);
+                    cut += usize::from(volume.indices()[at] == index);
                 }
             }
         }
@@ -92,7 +92,7 @@ pub(super) fn warn_if_cut(volume: &LabelVolume, Label { index, bounds }: Label, 
 pub(super) fn cut_out(volume: &LabelVolume, label: Label, cancel: &dyn Cancel) -> Result<NativeMask, Cancelled> {
     let Label { index, bounds } = label;
     let first = Vector3::from_fn(|a, _| bounds.low[a] as f64 - 1.0);
-    let world_from_crop = volume.world_from_voxel.shifted_to(first);
+    let world_from_crop = volume.world_from_voxel().shifted_to(first);
     let axes = nearest_axes(&world_from_crop);
     let size: [usize; 3] = std::array::from_fn(|a| bounds.high[a] - bounds.low[a] + 3);
     let dims = axes.map(|(axis, _)| size[axis]);
@@ -104,7 +104,7 @@ pub(super) fn cut_out(volume: &LabelVolume, label: Label, cancel: &dyn Cancel) -
         for ((axis, is_reversed), x) in axes.into_iter().zip(at) {
             from[axis] = bounds.low[axis] + if is_reversed { size[axis] - 2 - x } else { x - 1 };
         }
-        volume.indices.offset(from)
+        volume.indices().offset(from)
     };
     let inner = |n: usize, length: usize| n > 0 && n + 1 < length;
     mask.as_mut_slice().par_chunks_mut(width).enumerate().with_min_len(64).try_for_each(|(row, out)| {
@@ -117,7 +117,7 @@ pub(super) fn cut_out(volume: &LabelVolume, label: Label, cancel: &dyn Cancel) -
         let step = from.abs_diff(to) / (width - 3).max(1);
         for (n, cell) in out[1..width - 1].iter_mut().enumerate() {
             let offset = if from <= to { from + n * step } else { from - n * step };
-            *cell = volume.indices.as_slice()[offset] == index;
+            *cell = volume.indices().as_slice()[offset] == index;
         }
         Ok(())
     })?;

@@ -2,8 +2,8 @@
 
 use nalgebra::{Quaternion, UnitQuaternion};
 
-use super::nifti_header::RawHeader;
-use super::read_error::ReadError;
+use super::header::RawHeader;
+use crate::formats::read::error::ReadError;
 use crate::space::{VolumeNotice, WorldFromVoxel};
 
 /// Voxel edges that make sense for anatomy, mm: finer than any micro-CT, coarser than any scan.

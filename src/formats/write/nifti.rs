@@ -13,7 +13,7 @@ use crate::space::LabelVolume;
 /// When writing fails, an axis is longer than NIfTI-1 can say, or a label is no int32.
 pub fn write(volume: &LabelVolume, out: impl Write) -> io::Result<()> {
     let unfit = |what: &str| io::Error::new(io::ErrorKind::InvalidInput, format!("{what} does not fit NIfTI-1"));
-    let fits = |low: i64, high: i64| volume.label_values.iter().all(|label| (low..=high).contains(label));
+    let fits = |low: i64, high: i64| volume.labels().iter().all(|label| (low..=high).contains(&label.value));
     let size = match () {
         () if fits(0, 255) => 1,
         () if fits(i64::from(i16::MIN), i64::from(i16::MAX)) => 2,
@@ -21,17 +21,16 @@ pub fn write(volume: &LabelVolume, out: impl Write) -> io::Result<()> {
         () => return Err(unfit("a label")),
     };
     let mut dims = [0_i16; 3];
-    for (dim, length) in dims.iter_mut().zip(volume.indices.dims()) {
+    for (dim, length) in dims.iter_mut().zip(volume.dims()) {
         *dim = i16::try_from(length).map_err(|_| unfit("an axis"))?;
     }
     let mut gzip = GzBuilder::new().mtime(0).write(out, Compression::default());
     gzip.write_all(&header(volume, dims, size))?;
-    let patterns: Vec<[u8; 4]> = volume
-        .label_values
-        .iter()
-        .map(|label| i32::try_from(*label).map(i32::to_le_bytes).map_err(|_| unfit("a label")))
-        .collect::<Result<_, _>>()?;
-    for slice in volume.indices.as_slice().chunks(1 << 16) {
+    let mut patterns = vec![[0; 4]];
+    for label in volume.labels() {
+        patterns.push(i32::try_from(label.value).map_err(|_| unfit("a label"))?.to_le_bytes());
+    }
+    for slice in volume.indices().as_slice().chunks(1 << 16) {
         let bytes: Vec<u8> =
             slice.iter().flat_map(|index| patterns[usize::from(*index)].into_iter().take(size)).collect();
         gzip.write_all(&bytes)?;
@@ -60,7 +59,7 @@ fn header(volume: &LabelVolume, dims: [i16; 3], size: usize) -> [u8; 352] {
     put(70, &datatype.to_le_bytes());
     put(72, &bitpix.to_le_bytes());
     put(76, &1.0_f32.to_le_bytes());
-    for (axis, spacing) in volume.world_from_voxel.spacing_mm().iter().enumerate() {
+    for (axis, spacing) in volume.world_from_voxel().spacing_mm().iter().enumerate() {
         put(80 + 4 * axis, &(*spacing as f32).to_le_bytes());
     }
     put(108, &352.0_f32.to_le_bytes());
@@ -69,7 +68,7 @@ fn header(volume: &LabelVolume, dims: [i16; 3], size: usize) -> [u8; 352] {
     put(123, &[2]);
     // The sform is in scanner coordinates.
     put(254, &1_i16.to_le_bytes());
-    for (row, entries) in volume.world_from_voxel.rows().iter().take(3).enumerate() {
+    for (row, entries) in volume.world_from_voxel().rows().iter().take(3).enumerate() {
         for (column, entry) in entries.iter().enumerate() {
             put(280 + 16 * row + 4 * column, &(*entry as f32).to_le_bytes());
         }

@@ -5,18 +5,18 @@ use std::io::{BufRead, BufReader, Read};
 use flate2::bufread::GzDecoder;
 use sha2::{Digest, Sha256};
 
-use super::read_error::ReadError;
+use super::error::ReadError;
 use super::sniff::GZIP_MAGIC;
 use crate::cancel::Cancel;
 
-/// A buffered source that hashes all that passes.
-struct Hashed<R> {
-    source: R,
+/// A source that hashes all that passes.
+struct Hashed<'a> {
+    source: Box<dyn Read + 'a>,
     hash: Sha256,
     bytes: u64,
 }
 
-impl<R: Read> Read for Hashed<R> {
+impl Read for Hashed<'_> {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
         let count = self.source.read(buffer)?;
         self.hash.update(&buffer[..count]);
@@ -25,37 +25,41 @@ impl<R: Read> Read for Hashed<R> {
     }
 }
 
-type Source<R> = BufReader<Hashed<R>>;
+type Source<'a> = BufReader<Hashed<'a>>;
 
-enum Inner<R: Read> {
-    Plain(Source<R>),
-    Gzip(Box<GzDecoder<Source<R>>>),
+enum Inner<'a> {
+    Plain(Source<'a>),
+    Gzip(Box<GzDecoder<Source<'a>>>),
     /// Between two states, and for good after an error.
     Gone,
 }
 
-/// A file's content.
-pub(super) struct Stream<'a, R: Read> {
-    inner: Inner<R>,
+/// A file's content, from its first byte to its last.
+pub(in crate::formats) struct Stream<'a> {
+    inner: Inner<'a>,
     cancel: &'a dyn Cancel,
     compressed: bool,
-    position: u64,
+    /// Bytes that were looked at and not taken yet.
+    head: Vec<u8>,
+    /// Bytes that came out of the file so far, the head included.
+    came: u64,
     limit: u64,
 }
 
 /// What was hashed.
-pub(super) struct Digested {
+pub(in crate::formats) struct Digested {
     pub sha256: String,
     pub bytes: u64,
 }
 
-impl<'a, R: Read> Stream<'a, R> {
+impl<'a> Stream<'a> {
     /// Opens; gzip is told by its magic. No more than `limit` bytes will come out.
-    pub fn open(source: R, limit: u64, cancel: &'a dyn Cancel) -> Result<Self, ReadError> {
-        let mut source = BufReader::with_capacity(1 << 16, Hashed { source, hash: Sha256::new(), bytes: 0 });
+    pub fn open(source: impl Read + 'a, limit: u64, cancel: &'a dyn Cancel) -> Result<Self, ReadError> {
+        let hashed = Hashed { source: Box::new(source), hash: Sha256::new(), bytes: 0 };
+        let mut source = BufReader::with_capacity(1 << 16, hashed);
         let compressed = source.fill_buf().map_err(ReadError::Io)?.starts_with(&GZIP_MAGIC);
         let inner = if compressed { Inner::Gzip(Box::new(GzDecoder::new(source))) } else { Inner::Plain(source) };
-        Ok(Self { inner, cancel, compressed, position: 0, limit })
+        Ok(Self { inner, cancel, compressed, head: Vec::new(), came: 0, limit })
     }
 
     /// Whether it was gzip.
@@ -63,28 +67,39 @@ impl<'a, R: Read> Stream<'a, R> {
         self.compressed
     }
 
-    /// Bytes that came out so far.
+    /// Bytes that were taken so far.
     pub fn position(&self) -> u64 {
-        self.position
+        self.came - self.head.len() as u64
     }
 
-    /// Whether to go on reading.
-    pub fn check(&self) -> Result<(), ReadError> {
-        Ok(self.cancel.check()?)
+    /// What is asked whether to go on reading.
+    pub fn cancel(&self) -> &'a dyn Cancel {
+        self.cancel
     }
 
-    /// Fills `buffer` as far as the content goes, unless it is told to stop.
+    /// The next `count` bytes, or all that there are; they stay to be taken.
+    pub fn peek(&mut self, count: usize) -> Result<&[u8], ReadError> {
+        let mut head = vec![0; count];
+        let filled = self.fill(&mut head)?;
+        head.truncate(filled);
+        self.head.splice(..0, head);
+        Ok(&self.head)
+    }
+
+    /// Takes bytes into `buffer` as far as the content goes, unless it is told to stop.
     pub fn fill(&mut self, buffer: &mut [u8]) -> Result<usize, ReadError> {
-        self.check()?;
-        let mut filled = 0;
+        self.cancel.check()?;
+        let mut filled = self.head.len().min(buffer.len());
+        buffer[..filled].copy_from_slice(&self.head[..filled]);
+        self.head.drain(..filled);
         while filled < buffer.len() {
             let count = self.read_some(&mut buffer[filled..])?;
             if count == 0 {
                 break;
             }
             filled += count;
-            self.position += count as u64;
-            if self.position > self.limit {
+            self.came += count as u64;
+            if self.came > self.limit {
                 return Err(ReadError::DecompressedTooLarge { limit: self.limit });
             }
         }
@@ -143,7 +158,7 @@ impl<'a, R: Read> Stream<'a, R> {
             source.consume(zeros);
         }
         if !source.fill_buf().map_err(ReadError::Io)?.starts_with(&GZIP_MAGIC[..1]) {
-            return Err(ReadError::CorruptGzip { after: self.position });
+            return Err(ReadError::CorruptGzip { after: self.came });
         }
         self.inner = Inner::Gzip(Box::new(GzDecoder::new(source)));
         Ok(true)
@@ -153,14 +168,12 @@ impl<'a, R: Read> Stream<'a, R> {
     fn fault(&self, error: std::io::Error) -> ReadError {
         use std::io::ErrorKind::{InvalidData, InvalidInput, UnexpectedEof};
         match error.kind() {
-            UnexpectedEof if self.compressed => {
-                ReadError::Truncated { expected: self.position + 1, got: self.position }
-            }
+            UnexpectedEof if self.compressed => ReadError::Truncated { expected: self.came + 1, got: self.came },
             InvalidData | InvalidInput if self.compressed => {
                 if error.to_string().contains("checksum") {
                     ReadError::BadChecksum
                 } else {
-                    ReadError::CorruptGzip { after: self.position }
+                    ReadError::CorruptGzip { after: self.came }
                 }
             }
             _ => ReadError::Io(error),

@@ -1,16 +1,23 @@
 //! Why a file is refused. The fields hold numbers and fixed words only: text of a header may
 //! name a patient.
 
+use std::borrow::Cow;
+
 use crate::cancel::Cancelled;
+use crate::space::LabelVolumeError;
 
 /// A file that is not read. Every variant has its own stable code.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
-    /// No NIfTI at all.
-    #[error("the file is not a NIfTI image{}", .looks_like.map(|x| format!(": it looks like {x}")).unwrap_or_default())]
-    NotNifti {
+    /// A format that nothing here reads.
+    #[error("the file is not a {read} image{}", .looks_like.map(looking).unwrap_or_default())]
+    UnknownFormat {
         /// What it seems to be instead.
         looks_like: Option<&'static str>,
+        /// Names of the formats that are read: `NIfTI`.
+        read: String,
+        /// The same with what their files' names end in: `NIfTI (.nii or .nii.gz)`.
+        read_from: String,
     },
     /// A header whose voxels are in another file.
     #[error("the file is one half of a NIfTI pair (.hdr and .img): its voxels are in another file")]
@@ -120,12 +127,17 @@ pub enum ReadError {
     Cancelled(#[from] Cancelled),
 }
 
+fn looking(like: &str) -> String {
+    format!(": it looks like {like}")
+}
+
 impl ReadError {
     /// Stable code, snake case.
     #[must_use]
     pub fn code(&self) -> &'static str {
         match self {
-            Self::NotNifti { .. } => "not_nifti",
+            // NIfTI was all that was read when the code was fixed.
+            Self::UnknownFormat { .. } => "not_nifti",
             Self::TwoFileNifti => "two_file_nifti",
             Self::Truncated { .. } => "truncated",
             Self::CorruptGzip { .. } => "corrupt_gzip",
@@ -150,7 +162,7 @@ impl ReadError {
     #[must_use]
     pub fn status(&self) -> u16 {
         match self {
-            Self::NotNifti { .. } | Self::TwoFileNifti => 415,
+            Self::UnknownFormat { .. } | Self::TwoFileNifti => 415,
             Self::Truncated { .. }
             | Self::CorruptGzip { .. }
             | Self::BadChecksum
@@ -171,7 +183,7 @@ impl ReadError {
     #[must_use]
     pub fn location(&self) -> String {
         match self {
-            Self::NotNifti { .. } => "byte 0".to_owned(),
+            Self::UnknownFormat { .. } => "byte 0".to_owned(),
             Self::TwoFileNifti => "header.magic".to_owned(),
             Self::Truncated { got, .. } => format!("byte {got}"),
             Self::CorruptGzip { after } => format!("byte {after}"),
@@ -189,9 +201,9 @@ impl ReadError {
 
     /// What to do.
     #[must_use]
-    pub fn hint(&self) -> &'static str {
-        match self {
-            Self::NotNifti { .. } => "send the mask as NIfTI (.nii or .nii.gz)",
+    pub fn hint(&self) -> Cow<'static, str> {
+        let fixed = match self {
+            Self::UnknownFormat { read_from, .. } => return format!("send the mask as {read_from}").into(),
             Self::TwoFileNifti => "save it as a single file (.nii or .nii.gz)",
             Self::Truncated { .. } | Self::CorruptGzip { .. } | Self::BadChecksum => {
                 "send the file again; if that does not help, export it again"
@@ -209,6 +221,18 @@ impl ReadError {
             Self::NotALabelMap { .. } => "threshold it first, and save labels without interpolation",
             Self::TooManyLabels { .. } => "send a label map, not an intensity image",
             Self::Io(_) | Self::Cancelled(_) => "try again later",
+        };
+        fixed.into()
+    }
+}
+
+impl From<LabelVolumeError> for ReadError {
+    /// A reader hands over what fits together; where it does not, the fault is ours.
+    fn from(error: LabelVolumeError) -> Self {
+        match error {
+            LabelVolumeError::Cancelled(stop) => Self::Cancelled(stop),
+            LabelVolumeError::TooManyLabels => Self::TooManyLabels { allowed: usize::from(u16::MAX) },
+            error => Self::Io(std::io::Error::other(error)),
         }
     }
 }

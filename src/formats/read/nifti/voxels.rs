@@ -1,12 +1,13 @@
 //! Voxels as stored → indices of labels, in chunks, two bytes a voxel.
 
 use std::collections::HashMap;
-use std::io::Read;
 
-use super::nifti_header::{Datatype, Layout, Scaling};
-use super::read_error::ReadError;
-use super::sniff::ByteOrder;
-use super::stream::Stream;
+use super::kind::ByteOrder;
+use super::layout::{Datatype, Layout, Scaling};
+use crate::cancel::Cancel;
+use crate::formats::read::error::ReadError;
+use crate::formats::read::stream::Stream;
+use crate::space::{Label, ascending};
 
 /// Bytes decoded at a time, a multiple of every datatype's size.
 const CHUNK_BYTES: usize = 1 << 18;
@@ -28,16 +29,16 @@ const MAX_EXACT: f64 = 9_007_199_254_740_992.0;
 /// A label map before it has a place in the world.
 #[derive(Debug)]
 pub(super) struct Voxels {
+    /// Index of a label per voxel, 0 for the background.
     pub indices: Vec<u16>,
-    /// The background first, then ascending.
-    pub label_values: Vec<i64>,
-    pub label_voxels: Vec<u64>,
+    /// Ascending; every one has a voxel.
+    pub labels: Vec<Label>,
     /// Voxels that were NaN and count as background.
     pub nan_voxels: u64,
 }
 
 /// Reads exactly `layout.voxels` voxels.
-pub(super) fn read_voxels<R: Read>(stream: &mut Stream<'_, R>, layout: &Layout) -> Result<Voxels, ReadError> {
+pub(super) fn read_voxels(stream: &mut Stream<'_>, layout: &Layout) -> Result<Voxels, ReadError> {
     let size = layout.datatype.bytes();
     let mut table = Table::new(layout);
     let mut indices = Indices::new(layout.voxels);
@@ -53,7 +54,7 @@ pub(super) fn read_voxels<R: Read>(stream: &mut Stream<'_, R>, layout: &Layout) 
         table.decode(&buffer[..wanted], indices.filled, &mut chunk)?;
         indices.take(&chunk);
     }
-    table.finish(indices.kept, stream)
+    table.finish(indices.kept, stream.cancel())
 }
 
 /// Indices as they come. Memory of zeros takes no room until it is written to, and background is not
@@ -102,8 +103,8 @@ struct Table {
     /// By bit pattern, for wider ones.
     wide: HashMap<u64, u16>,
     by_label: HashMap<i64, u16>,
-    /// By index; NaN has one of its own until the end, where it joins the background.
-    labels: Vec<Option<i64>>,
+    /// By index; NaN has one of its own until the end, with the value of the background, which it joins.
+    labels: Vec<i64>,
     nan: Option<u16>,
 }
 
@@ -122,7 +123,7 @@ impl Table {
             small: vec![UNSEEN; small],
             wide: HashMap::new(),
             by_label: HashMap::from([(0, 0)]),
-            labels: vec![Some(0)],
+            labels: vec![0],
             nan: None,
         }
     }
@@ -203,7 +204,7 @@ impl Table {
         if let Some(index) = self.by_label.get(&label) {
             return Ok(*index);
         }
-        let index = self.add(Some(label))?;
+        let index = self.add(label)?;
         self.by_label.insert(label, index);
         Ok(index)
     }
@@ -212,14 +213,14 @@ impl Table {
         match self.nan {
             Some(index) => Ok(index),
             None => {
-                let index = self.add(None)?;
+                let index = self.add(0)?;
                 self.nan = Some(index);
                 Ok(index)
             }
         }
     }
 
-    fn add(&mut self, label: Option<i64>) -> Result<u16, ReadError> {
+    fn add(&mut self, label: i64) -> Result<u16, ReadError> {
         let index = u16::try_from(self.labels.len())
             .map_err(|_| ReadError::TooManyLabels { allowed: usize::from(u16::MAX) })?;
         self.labels.push(label);
@@ -260,36 +261,33 @@ impl Table {
         ReadError::NotALabelMap { voxel, value }
     }
 
-    /// Sorts the labels and counts their voxels.
-    fn finish<R: Read>(self, mut indices: Vec<u16>, stream: &Stream<'_, R>) -> Result<Voxels, ReadError> {
-        /// Voxels between two looks at whether to go on.
-        const SLICE: usize = 1 << 20;
-        let mut old_of_new: Vec<usize> = (1..self.labels.len()).filter(|old| self.labels[*old].is_some()).collect();
-        old_of_new.sort_by_key(|old| self.labels[*old]);
-        old_of_new.insert(0, 0);
-        let mut new_of_old = vec![0_u16; self.labels.len()];
-        for (new, old) in (0_u16..=u16::MAX).zip(&old_of_new) {
-            new_of_old[*old] = new;
-        }
-        let mut label_voxels = vec![0_u64; old_of_new.len()];
-        let mut nan_voxels = 0;
-        for slice in indices.chunks_mut(SLICE) {
-            stream.check()?;
-            for run in slice.chunk_by_mut(|a, b| a == b) {
-                let (old, count) = (run[0], run.len() as u64);
-                let new = new_of_old[usize::from(old)];
-                label_voxels[usize::from(new)] += count;
-                if self.nan == Some(old) {
-                    nan_voxels += count;
-                }
-                if new != old {
-                    run.fill(new);
-                }
+    /// Sorts the labels, and joins NaN to the background.
+    fn finish(self, mut indices: Vec<u16>, cancel: &dyn Cancel) -> Result<Voxels, ReadError> {
+        let (new_of_old, labels) = ascending(&self.labels);
+        let is_in_order = (0..=u16::MAX).zip(&new_of_old).all(|(old, new)| old == *new);
+        let nan_voxels = if is_in_order { 0 } else { renumber(&mut indices, &new_of_old, self.nan, cancel)? };
+        Ok(Voxels { indices, labels, nan_voxels })
+    }
+}
+
+/// Gives every voxel the new index of its label; how many voxels were NaN.
+fn renumber(indices: &mut [u16], new_of_old: &[u16], nan: Option<u16>, cancel: &dyn Cancel) -> Result<u64, ReadError> {
+    /// Voxels between two looks at whether to go on.
+    const SLICE: usize = 1 << 20;
+    let mut nan_voxels = 0;
+    for slice in indices.chunks_mut(SLICE) {
+        cancel.check()?;
+        for run in slice.chunk_by_mut(|a, b| a == b) {
+            let (old, new) = (run[0], new_of_old[usize::from(run[0])]);
+            if nan == Some(old) {
+                nan_voxels += run.len() as u64;
+            }
+            if new != old {
+                run.fill(new);
             }
         }
-        let label_values = old_of_new.iter().map(|old| self.labels[*old].unwrap_or(0)).collect();
-        Ok(Voxels { indices, label_values, label_voxels, nan_voxels })
     }
+    Ok(nan_voxels)
 }
 
 enum Stored {

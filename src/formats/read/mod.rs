@@ -1,0 +1,15 @@
+//! What readers are made of, then the readers: each makes a [`LabelVolume`](crate::space::LabelVolume) of a
+//! stream. Which there are stands in [`readers`](super::readers).
+
+mod error;
+
+pub(super) mod answers;
+
+pub(super) mod sniff;
+
+pub(super) mod stream;
+
+pub(super) mod nifti;
+
+pub use answers::{HeaderFacts, InputLimits};
+pub use error::ReadError;
