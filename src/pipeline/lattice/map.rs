@@ -14,7 +14,8 @@ const FIT_RADIUS: f64 = 5.0;
 /// voxel beyond its outermost points.
 const OVERREACH: f64 = 2.0;
 /// Radius of the fit of the slope of the values, in values: the radius of a medial sheet changes over
-/// lengths of the radius itself, and what changes faster is the staircase.
+/// lengths of the radius itself, and what changes faster is the staircase. With 0.5, a hippocampus has 9 folded corners
+/// before repair, not 3; with 4 little changes.
 const SLOPE_RADII: f64 = 1.5;
 /// The same at most, voxels.
 const MAX_SLOPE_RADIUS: f64 = 12.0;

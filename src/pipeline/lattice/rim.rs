@@ -18,17 +18,24 @@ use crate::pipeline::plane::strip::SheetPoints;
 use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::depth::Depth;
 
-/// How far inside of the outline the walk starts, voxels: where fits are sound.
+/// How far inside of the outline the walk starts, voxels: where fits are sound. From 1, a caudate has 9 folded corners
+/// before repair, not 4; from 3.5, a spleen has 12, not 6, and medial nodes of a gluteus lie twice as far from the middle.
 const START: f64 = 2.0;
-/// Gap at which the ball counts as touching straight ahead, voxels: what the boundary is known to.
+/// Gap at which the ball counts as touching straight ahead, voxels: what the boundary is known to. With 1, masks lie up to
+/// a quarter further from the model and three times as many corners are folded before repair (12 of a caudate, 18 of a
+/// spleen); with 0.1, masks lie up to a fifth nearer, but medial nodes of two muscles twice as far from the middle.
 const TOUCHING: f64 = 0.4;
-/// Step of the walk, voxels.
+/// Step of the walk, voxels. The last one is interpolated: with 1, only a few more corners are folded before repair (6 of a
+/// caudate, not 4).
 const STEP: f64 = 0.25;
-/// How far the rim may lie from the outline of the voxels, voxels.
+/// How far the rim may lie from the outline of the voxels, voxels. With 1.5, the mask of a spleen lies 1.2 mm from the
+/// model on average, not 1.1; with 6 no nearer (that of a caudate does), and 20 of its nodes are repaired, not 14.
 const REACH: f64 = 3.0;
-/// Distance of the places along the outline that are looked at, voxels.
+/// Distance of the places along the outline that are looked at, voxels. With 3, the farthest 5 % of the mask of a spleen
+/// begin 3.9 mm from the model, not 3.6; less only takes longer.
 const PITCH: f64 = 1.0;
-/// Standard deviation of the smoothing along the outline, voxels.
+/// Standard deviation of the smoothing along the outline, voxels. With 8, tips are rounded off: the mask of a gluteus lies
+/// 0.94 mm from the model on average, not 0.77; with 1, a hippocampus needs 4 nodes repaired, not none.
 const SIGMA: f64 = 3.0;
 
 /// A sheet in its plane, carried on to its rim. Lengths are voxels.

@@ -66,7 +66,9 @@ fn upright(
     slid: Vec<Point2<f64>>,
     cancel: &dyn Cancel,
 ) -> Result<Vec<Point2<f64>>, Cancelled> {
-    /// Sine of the angle at which lines cross at the least, if they did before.
+    /// Sine of the angle at which lines cross at the least, if they did before. With 0.7, too much of the sliding is taken
+    /// back: the mask of a T-shaped solid lies 0.44 mm from the model on average, not 0.38; with 0.1, 17 nodes
+    /// of a spleen are repaired, not 14.
     const LEAST_SINE: f64 = 0.35;
     /// What is kept of the sliding from one try to the next.
     const KEPT: f64 = 0.75;

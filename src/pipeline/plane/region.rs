@@ -24,7 +24,8 @@ pub const PITCH: f64 = 0.5;
 /// lie up to 1.8 apart.
 const CLOSING: f64 = 1.5;
 /// How far the sheet goes on beyond its outermost points on average, voxels: its true rim lies
-/// anywhere between them and the next voxel.
+/// anywhere between them and the next voxel. With none, medial nodes of a hippocampus and a gluteus lie half as far
+/// again from the middle; with 1, a caudate has 8 folded corners before repair, not 4, and a spleen 10, not 6.
 const OVERHANG: f64 = 0.5;
 /// Standard deviation of the outline's smoothing, voxels: the rim of a voxel sheet is jagged by
 /// half a voxel.
