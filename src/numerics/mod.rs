@@ -3,6 +3,8 @@
 
 pub mod field;
 
+pub mod parallel;
+
 pub mod smooth;
 
 pub mod distance;
