@@ -230,8 +230,9 @@ fn row_of(grid: &Grid<bool>, row: usize) -> &[bool] {
     &grid.as_slice()[row * nx..(row + 1) * nx]
 }
 
-/// Calls `visit` with the offset of every neighbour inside the grid.
-pub fn neighbors(dims: [usize; 3], offset: usize, connectivity: Connectivity, mut visit: impl FnMut(usize)) {
+/// Calls `visit` with the offset of every neighbour inside the grid: what runs are compared with.
+#[cfg(test)]
+pub(super) fn neighbors(dims: [usize; 3], offset: usize, connectivity: Connectivity, mut visit: impl FnMut(usize)) {
     let [nx, ny, nz] = dims;
     let at = [offset % nx, offset / nx % ny, offset / (nx * ny)];
     let low = at.map(|x| x.saturating_sub(1));
