@@ -1,6 +1,7 @@
 //! Which labels are worked on, and on how many threads.
 
 use std::cmp::Reverse;
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use super::PipelineError;
@@ -9,9 +10,8 @@ use super::observer::Observer;
 use super::repeats::add_uncertainty;
 use super::solid::cut_out::{Label, label_boxes};
 use super::stages::stages;
-use crate::cancel::Cancelled;
-use crate::model::StageTimings;
-use crate::model::{Model, Refusal, Structure, StructureQuality, TriangleMesh, Verdict};
+use crate::cancel::{Cancel, Cancelled};
+use crate::model::{Model, Refusal, StageTimings, Structure, StructureQuality, TriangleMesh, Verdict};
 use crate::params::CheckedParams;
 use crate::space::LabelVolume;
 
@@ -27,30 +27,51 @@ use crate::space::LabelVolume;
 /// # Errors
 /// When cancelled, when a label asked for is missing, or when every structure is refused.
 pub fn run(volume: &LabelVolume, params: &CheckedParams, observer: &dyn Observer) -> Result<Model, PipelineError> {
-    let indices = label_indices(volume, params)?;
-    let boxes = label_boxes(volume, observer)?;
-    observer.begun(&indices.iter().map(|&index| volume.label_voxels[usize::from(index)]).collect::<Vec<_>>());
-    let structure = |number: usize| {
-        let index = indices[number];
-        let bounds = boxes[usize::from(index)].ok_or(Refusal::EmptyMask)?;
-        let context = Context::new(params, observer, number, indices.len());
-        let work = || structure(volume, Label { index, bounds }, context);
-        let is_small = bounds.voxels() <= SMALL_BOX;
-        let structure = if is_small { on_one_thread(work)? } else { work()? };
-        observer.ended(number, indices.len());
-        Ok::<Structure, PipelineError>(structure)
-    };
-    let mut order: Vec<usize> = (0..indices.len()).collect();
-    order.sort_by_key(|&number| Reverse(boxes[usize::from(indices[number])].map_or(0, |bounds| bounds.voxels())));
-    let structures: Vec<Structure> = in_lanes(&order, structure).into_iter().collect::<Result<_, _>>()?;
-    match structures.iter().find_map(|s| s.refusal.clone()) {
-        Some(refusal) if structures.iter().all(|s| s.refusal.is_some()) => Err(refusal.into()),
-        _ => Ok(Model {
+    let labels = labels(volume, params, observer)?;
+    observer.begun(&labels.iter().map(|label| volume.label_voxels[usize::from(label.index)]).collect::<Vec<_>>());
+    let mut order: Vec<usize> = (0..labels.len()).collect();
+    order.sort_by_key(|&number| Reverse(labels[number].bounds.voxels()));
+    let work = Work { volume, params, observer, labels };
+    let structures = in_lanes(&order, |number| work.on(number)).into_iter().collect::<Result<Vec<_>, _>>()?;
+    match refusal_of_all(&structures) {
+        Some(refusal) => Err(refusal.clone().into()),
+        None => Ok(Model {
             params: params.clone(),
             world_from_voxel: volume.world_from_voxel,
             dims: volume.indices.dims(),
             structures,
         }),
+    }
+}
+
+/// The refusal of the first structure, when all are refused.
+fn refusal_of_all(structures: &[Structure]) -> Option<&Refusal> {
+    for structure in structures {
+        structure.refusal.as_ref()?;
+    }
+    structures.first()?.refusal.as_ref()
+}
+
+/// What a run has to do.
+struct Work<'a> {
+    volume: &'a LabelVolume,
+    params: &'a CheckedParams,
+    observer: &'a dyn Observer,
+    labels: Vec<Label>,
+}
+
+impl Work<'_> {
+    /// Does all of one label.
+    fn on(&self, number: usize) -> Result<Structure, Cancelled> {
+        let (label, count) = (self.labels[number], self.labels.len());
+        let context = Context::new(self.params, self.observer, number, count);
+        let structure = if label.bounds.voxels() <= SMALL_BOX {
+            on_one_thread(|| structure(self.volume, label, context))?
+        } else {
+            structure(self.volume, label, context)?
+        };
+        self.observer.ended(number, count);
+        Ok(structure)
     }
 }
 
@@ -95,7 +116,8 @@ fn blank(volume: &LabelVolume, label: Label) -> Structure {
     }
 }
 
-/// Box, in voxels, up to which a structure is worked on by one thread: there is too little to share.
+/// Box, in voxels, up to which a structure is worked on by one thread: there is too little to share. With less, small
+/// ones wait for one another at the end of every loop; with more, a run ends on one thread at a large one.
 const SMALL_BOX: u64 = 1 << 18;
 
 /// Does `work` on one thread, its loops included.
@@ -116,38 +138,54 @@ fn on_one_thread<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 /// threads; the results are in the order of the numbers.
 fn in_lanes<T: Send>(order: &[usize], work: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let next = AtomicUsize::new(0);
-    let lane = || {
-        let mut done = Vec::new();
-        while let Some(&number) = order.get(next.fetch_add(1, Relaxed)) {
-            done.push((number, work(number)));
-        }
-        done
-    };
-    let mut done = std::thread::scope(|scope| {
-        let others: Vec<_> = (1..rayon::current_num_threads().min(order.len())).map(|_| scope.spawn(lane)).collect();
-        let mut done = lane();
+    let lanes = rayon::current_num_threads().min(order.len());
+    let mut done = BTreeMap::new();
+    std::thread::scope(|scope| {
+        let others: Vec<_> = (1..lanes).map(|_| scope.spawn(|| lane(order, &next, &work))).collect();
+        done.extend(lane(order, &next, &work));
         for other in others {
             done.extend(other.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
         }
-        done
     });
-    done.sort_by_key(|(number, _)| *number);
-    done.into_iter().map(|(_, result)| result).collect()
+    done.into_values().collect()
 }
 
-/// The volume's index of every label asked for.
-fn label_indices(volume: &LabelVolume, params: &CheckedParams) -> Result<Vec<u16>, Refusal> {
+/// Takes the next of the numbers as long as there are any, and keeps the result with each.
+fn lane<T>(order: &[usize], next: &AtomicUsize, work: &(impl Fn(usize) -> T + Sync)) -> Vec<(usize, T)> {
+    let mut done = Vec::new();
+    while let Some(&number) = order.get(next.fetch_add(1, Relaxed)) {
+        done.push((number, work(number)));
+    }
+    done
+}
+
+/// The labels asked for, and their boxes.
+fn labels(volume: &LabelVolume, params: &CheckedParams, cancel: &dyn Cancel) -> Result<Vec<Label>, PipelineError> {
+    let present = &volume.label_values[1..];
+    if present.is_empty() {
+        return Err(Refusal::EmptyMask.into());
+    }
+    let mut indices = Vec::new();
+    for &label in params.labels.as_deref().unwrap_or(present) {
+        indices.push(index_of(label, present)?);
+    }
+    let boxes = label_boxes(volume, cancel)?;
+    let mut labels = Vec::new();
+    for index in indices {
+        let bounds = boxes[usize::from(index)].ok_or(Refusal::EmptyMask)?;
+        labels.push(Label { index, bounds });
+    }
+    Ok(labels)
+}
+
+/// The volume's index of a label; `present` are those of the indices from 1 on.
+fn index_of(label: i64, present: &[i64]) -> Result<u16, Refusal> {
     /// Labels named in a refusal.
     const NAMED: usize = 20;
-    let present = &volume.label_values[1..];
-    let index_of = |label: i64| {
-        let position = volume.label_values.iter().skip(1).position(|&v| v == label)?;
-        u16::try_from(position + 1).ok()
-    };
-    if present.is_empty() {
-        return Err(Refusal::EmptyMask);
+    for (index, value) in (1..=u16::MAX).zip(present) {
+        if *value == label {
+            return Ok(index);
+        }
     }
-    let wanted = params.labels.as_deref().unwrap_or(present);
-    let missing = |label: i64| Refusal::LabelMissing { label, present: present.iter().copied().take(NAMED).collect() };
-    wanted.iter().map(|&label| index_of(label).ok_or_else(|| missing(label))).collect()
+    Err(Refusal::LabelMissing { label, present: present.iter().copied().take(NAMED).collect() })
 }
