@@ -3,12 +3,14 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use crate::space::Grid;
 
 use super::field::id;
+use super::parallel::each_number;
 use crate::cancel::{Cancel, Cancelled};
+
+/// Rows of voxels that one thread takes at a time; fewer are not worth handing over.
+const ROWS_PER_TASK: usize = 64;
 
 /// Which voxels touch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,19 +90,11 @@ pub fn components(
     let [width, ny, nz] = grid.dims();
     let (runs, first_of_row) = runs_of(grid, value, cancel)?;
     let mut parent: Vec<u32> = (0..id(runs.len())).collect();
-    for (k, j) in (0..nz).flat_map(|k| (0..ny).map(move |j| (k, j))) {
+    for row in 0..ny * nz {
         cancel.check()?;
-        let row = j + ny * k;
-        let is_diagonal = connectivity == Connectivity::Corners26;
-        let before = [
-            (j > 0).then(|| row - 1),
-            (k > 0).then(|| row - ny),
-            (is_diagonal && k > 0 && j > 0).then(|| row - ny - 1),
-            (is_diagonal && k > 0 && j + 1 < ny).then(|| row - ny + 1),
-        ];
-        let of_row = |row: usize| first_of_row[row]..first_of_row[row + 1];
-        for other in before.into_iter().flatten() {
-            touching(&runs, of_row(row), of_row(other), u32::from(is_diagonal), |a, b| unite(&mut parent, a, b));
+        for other in rows_before(row, ny, connectivity).into_iter().flatten() {
+            let (a, b) = (first_of_row[row]..first_of_row[row + 1], first_of_row[other]..first_of_row[other + 1]);
+            unite_touching(&runs, a, b, connectivity, &mut parent);
         }
     }
     let (mut number, mut sizes) = (vec![0; runs.len()], Vec::new());
@@ -119,23 +113,8 @@ pub fn components(
 
 /// All runs, and the number of the first run of every row, with that of all at the end.
 fn runs_of(grid: &Grid<bool>, value: bool, cancel: &dyn Cancel) -> Result<(Vec<Run>, Vec<usize>), Cancelled> {
-    let [nx, ny, _] = grid.dims();
-    let of_plane = |(k, plane): (usize, &[bool])| {
-        cancel.check()?;
-        let mut runs = Vec::new();
-        for (j, row) in plane.chunks_exact(nx).enumerate() {
-            let mut at = 0;
-            while let Some(skipped) = row[at..].iter().position(|v| *v == value) {
-                let from = at + skipped;
-                at = row[from..].iter().position(|v| *v != value).map_or(nx, |length| from + length);
-                runs.push(Run { row: id(j + ny * k), from: id(from), to: id(at) });
-            }
-        }
-        Ok(runs)
-    };
-    let planes = grid.as_slice().par_chunks(nx * ny).enumerate();
-    let runs: Vec<Vec<Run>> = planes.map(of_plane).collect::<Result<_, Cancelled>>()?;
-    let runs = runs.concat();
+    let [nx, _, nz] = grid.dims();
+    let runs = each_number(nz, 1, |k| runs_of_plane(grid, k, value), cancel)?.concat();
     let mut first_of_row = Vec::new();
     for (k, run) in runs.iter().enumerate() {
         first_of_row.resize((run.row as usize + 1).max(first_of_row.len()), k);
@@ -144,13 +123,47 @@ fn runs_of(grid: &Grid<bool>, value: bool, cancel: &dyn Cancel) -> Result<(Vec<R
     Ok((runs, first_of_row))
 }
 
-/// Calls `meet` with every pair of runs of two neighbouring rows that overlap, or lie no more than
-/// `slack` apart.
-fn touching(runs: &[Run], mut a: Range<usize>, mut b: Range<usize>, slack: u32, mut meet: impl FnMut(u32, u32)) {
+/// The runs of a plane.
+fn runs_of_plane(grid: &Grid<bool>, k: usize, value: bool) -> Vec<Run> {
+    let [nx, ny, _] = grid.dims();
+    let mut runs = Vec::new();
+    for number in k * ny..(k + 1) * ny {
+        let row = row_of(grid, number);
+        let mut at = 0;
+        while let Some(skipped) = row[at..].iter().position(|v| *v == value) {
+            let from = at + skipped;
+            at = row[from..].iter().position(|v| *v != value).map_or(nx, |length| from + length);
+            runs.push(Run { row: id(number), from: id(from), to: id(at) });
+        }
+    }
+    runs
+}
+
+/// The rows before one whose voxels may touch those of it; there are `ny` in a plane.
+fn rows_before(row: usize, ny: usize, connectivity: Connectivity) -> [Option<usize>; 4] {
+    let (j, has_plane) = (row % ny, row >= ny);
+    let is_diagonal = has_plane && connectivity == Connectivity::Corners26;
+    [
+        (j > 0).then_some(row.wrapping_sub(1)),
+        has_plane.then_some(row.wrapping_sub(ny)),
+        (is_diagonal && j > 0).then_some(row.wrapping_sub(ny + 1)),
+        (is_diagonal && j + 1 < ny).then_some((row + 1).wrapping_sub(ny)),
+    ]
+}
+
+/// Makes one component of every two runs of two neighbouring rows that touch: that overlap, or meet at a corner.
+fn unite_touching(
+    runs: &[Run],
+    mut a: Range<usize>,
+    mut b: Range<usize>,
+    connectivity: Connectivity,
+    parent: &mut [u32],
+) {
+    let slack = u32::from(connectivity == Connectivity::Corners26);
     while !a.is_empty() && !b.is_empty() {
         let (p, q) = (runs[a.start], runs[b.start]);
         if p.from < q.to + slack && q.from < p.to + slack {
-            meet(id(a.start), id(b.start));
+            unite(parent, id(a.start), id(b.start));
         }
         if p.to < q.to {
             a.start += 1;
@@ -160,6 +173,7 @@ fn touching(runs: &[Run], mut a: Range<usize>, mut b: Range<usize>, slack: u32, 
     }
 }
 
+/// The first run of the component that a run is in, so far as it is known.
 fn root(parent: &mut [u32], mut run: u32) -> u32 {
     while parent[run as usize] != run {
         let above = parent[parent[run as usize] as usize];
@@ -180,37 +194,45 @@ fn unite(parent: &mut [u32], a: u32, b: u32) {
 /// # Errors
 /// When it is cancelled.
 pub fn boundary_voxels(grid: &Grid<bool>, value: bool, cancel: &dyn Cancel) -> Result<Vec<usize>, Cancelled> {
-    let [nx, ny, nz] = grid.dims();
-    let cells = grid.as_slice();
-    let of_row = |row: usize| {
-        cancel.check()?;
-        let (j, k, start) = (row % ny, row / ny, row * nx);
-        let at = |row: usize| &cells[row * nx..(row + 1) * nx];
-        let own = at(row);
-        let mut found = Vec::new();
-        if !own.contains(&value) {
-            return Ok(found);
-        }
-        let beside = [
-            at(if j > 0 { row - 1 } else { row }),
-            at(if j + 1 < ny { row + 1 } else { row }),
-            at(if k > 0 { row - ny } else { row }),
-            at(if k + 1 < nz { row + ny } else { row }),
-        ];
-        for x in (0..nx).filter(|&x| own[x] == value) {
-            let ends = own[x.saturating_sub(1)] != value || own[(x + 1).min(nx - 1)] != value;
-            if ends || beside.iter().any(|row| row[x] != value) {
-                found.push(start + x);
-            }
-        }
-        Ok(found)
-    };
-    let rows = (0..ny * nz).into_par_iter().with_min_len(64).map(of_row);
-    Ok(rows.collect::<Result<Vec<Vec<usize>>, Cancelled>>()?.concat())
+    let [_, ny, nz] = grid.dims();
+    Ok(each_number(ny * nz, ROWS_PER_TASK, |row| boundary_of_row(grid, value, row), cancel)?.concat())
 }
 
-/// Calls `visit` with the offset of every neighbour inside the grid.
-pub fn neighbors(dims: [usize; 3], offset: usize, connectivity: Connectivity, mut visit: impl FnMut(usize)) {
+/// Those of a row.
+fn boundary_of_row(grid: &Grid<bool>, value: bool, row: usize) -> Vec<usize> {
+    let [nx, ny, nz] = grid.dims();
+    let (j, k) = (row % ny, row / ny);
+    let mut found = Vec::new();
+    let own = row_of(grid, row);
+    if !own.contains(&value) {
+        return found;
+    }
+    let beside = [
+        row_of(grid, if j > 0 { row - 1 } else { row }),
+        row_of(grid, if j + 1 < ny { row + 1 } else { row }),
+        row_of(grid, if k > 0 { row - ny } else { row }),
+        row_of(grid, if k + 1 < nz { row + ny } else { row }),
+    ];
+    for x in 0..nx {
+        if own[x] != value {
+            continue;
+        }
+        let is_at_end = own[x.saturating_sub(1)] != value || own[(x + 1).min(nx - 1)] != value;
+        if is_at_end || beside.iter().any(|row| row[x] != value) {
+            found.push(row * nx + x);
+        }
+    }
+    found
+}
+
+fn row_of(grid: &Grid<bool>, row: usize) -> &[bool] {
+    let nx = grid.dims()[0];
+    &grid.as_slice()[row * nx..(row + 1) * nx]
+}
+
+/// Calls `visit` with the offset of every neighbour inside the grid: what runs are compared with.
+#[cfg(test)]
+pub(super) fn neighbors(dims: [usize; 3], offset: usize, connectivity: Connectivity, mut visit: impl FnMut(usize)) {
     let [nx, ny, nz] = dims;
     let at = [offset % nx, offset / nx % ny, offset / (nx * ny)];
     let low = at.map(|x| x.saturating_sub(1));

@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use crate::space::Grid;
+use crate::space::{Grid, VoxelIndex};
 
 /// Step of the central differences, voxels. Smaller shows the kinks of the trilinear
 /// interpolation, larger blurs the normals of thin parts.
@@ -93,6 +93,12 @@ impl Field {
         }
         a + (b - a) * fa / (fa - fb).max(1e-12)
     }
+}
+
+/// The centre of a voxel.
+#[must_use]
+pub fn centre(voxel: VoxelIndex) -> Point3<f64> {
+    Point3::from(voxel.map(|x| x as f64))
 }
 
 /// Floor of a non-negative coordinate as an index.

@@ -5,6 +5,8 @@ pub mod parallel;
 
 pub mod field;
 
+pub mod parallel;
+
 pub mod smooth;
 
 pub mod distance;

@@ -2,10 +2,10 @@
 //! a vertex in every cell that the surface crosses, a quad across every crossed grid edge.
 
 use nalgebra::{Point3, Vector3};
-use rayon::prelude::*;
 
 use crate::space::Grid;
 
+use super::parallel::each_number;
 use crate::cancel::{Cancel, Cancelled};
 
 /// A closed mesh in voxel coordinates; triangles are counter-clockwise seen from where the field
@@ -28,28 +28,67 @@ pub fn zero_surface(field: &Grid<f32>, cancel: &dyn Cancel) -> Result<Mesh, Canc
     if dims.iter().any(|&d| d < 2) {
         return Ok(Mesh::default());
     }
-    let layer = |k: usize| cancel.check().map(|()| Layer::of(field, k));
-    let layers: Vec<Layer> = (0..dims[2] - 1).into_par_iter().map(layer).collect::<Result<_, _>>()?;
+    let layers = each_number(dims[2] - 1, 1, |k| Layer::of(field, k), cancel)?;
     let mut first = vec![0];
     for layer in &layers {
         first.push(first[first.len() - 1] + super::field::id(layer.cells.len()));
     }
-    let triangles = |k: usize| {
-        let vertex = |[i, j, layer]: [usize; 3]| first[layer] + layers[layer].number(i + dims[0] * j);
-        cancel.check()?;
+    let net = Net { field, layers, first };
+    let triangles = each_number(dims[2] - 2, 1, |k| net.triangles(k + 1), cancel)?.concat();
+    Ok(Mesh { positions: net.layers.into_iter().flat_map(|layer| layer.vertices).collect(), triangles })
+}
+
+/// The vertices of a surface, and how to find them.
+struct Net<'a> {
+    field: &'a Grid<f32>,
+    layers: Vec<Layer>,
+    /// Number of the first vertex of each layer.
+    first: Vec<u32>,
+}
+
+impl Net<'_> {
+    /// Triangles across the edges from the points of a plane of the grid.
+    fn triangles(&self, k: usize) -> Vec<[u32; 3]> {
+        let nx = self.field.dims()[0];
         let mut triangles = Vec::new();
         // A crossed edge has a crossed cell before it.
-        for &cell in &layers[k].cells {
-            let [i, j] = [cell as usize % dims[0], cell as usize / dims[0]];
+        for &cell in &self.layers[k].cells {
+            let [i, j] = [cell as usize % nx, cell as usize / nx];
             if i > 0 && j > 0 {
-                (0..3).for_each(|axis| quad(field, vertex, [i, j, k], axis, &mut triangles));
+                for axis in 0..3 {
+                    triangles.extend(self.quad([i, j, k], axis).into_iter().flatten());
+                }
             }
         }
-        Ok(triangles)
-    };
-    let triangles = (1..dims[2] - 1).into_par_iter().map(triangles);
-    let triangles = triangles.collect::<Result<Vec<Vec<_>>, Cancelled>>()?.concat();
-    Ok(Mesh { positions: layers.into_iter().flat_map(|layer| layer.vertices).collect(), triangles })
+        triangles
+    }
+
+    /// The quad across the edge from `at` one step along `axis`, if that is crossed.
+    fn quad(&self, at: [usize; 3], axis: usize) -> Option<[[u32; 3]; 2]> {
+        let mut next = at;
+        next[axis] += 1;
+        let (inside, inside_next) = (self.field[at] > 0.0, self.field[next] > 0.0);
+        if inside == inside_next {
+            return None;
+        }
+        let (p, q) = ((axis + 1) % 3, (axis + 2) % 3);
+        let mut around = [[1, 1], [0, 1], [0, 0], [1, 0]].map(|[back_p, back_q]| {
+            let mut cell = at;
+            cell[p] -= back_p;
+            cell[q] -= back_q;
+            self.vertex(cell)
+        });
+        if !inside {
+            around.reverse();
+        }
+        let [a, b, c, d] = around;
+        Some([[a, b, c], [a, c, d]])
+    }
+
+    /// The vertex of a crossed cell.
+    fn vertex(&self, [i, j, k]: [usize; 3]) -> u32 {
+        self.first[k] + self.layers[k].number(i + self.field.dims()[0] * j)
+    }
 }
 
 /// The crossed cells between two planes of the grid.
@@ -89,9 +128,11 @@ impl Layer {
 
 /// Mean of the crossings on the twelve edges of a cell.
 fn cell_vertex(field: &Grid<f32>, cell: [usize; 3]) -> Point3<f64> {
-    let corner =
-        |bits: usize| f64::from(field[[cell[0] + (bits & 1), cell[1] + (bits >> 1 & 1), cell[2] + (bits >> 2 & 1)]]);
-    let values: [f64; 8] = std::array::from_fn(corner);
+    let mut values = [0.0; 8];
+    for (bits, value) in values.iter_mut().enumerate() {
+        let corner = [0, 1, 2].map(|axis| cell[axis] + (bits >> axis & 1));
+        *value = f64::from(field[corner]);
+    }
     let (mut sum, mut count) = (Vector3::zeros(), 0.0);
     for axis in 0..3 {
         for a in (0..8).filter(|a| a >> axis & 1 == 0) {
@@ -106,35 +147,6 @@ fn cell_vertex(field: &Grid<f32>, cell: [usize; 3]) -> Point3<f64> {
         }
     }
     Point3::from(Vector3::new(cell[0] as f64, cell[1] as f64, cell[2] as f64) + sum / count)
-}
-
-/// The quad across the edge from `at` one step along `axis`.
-fn quad(
-    field: &Grid<f32>,
-    vertex: impl Fn([usize; 3]) -> u32,
-    at: [usize; 3],
-    axis: usize,
-    triangles: &mut Vec<[u32; 3]>,
-) {
-    let mut next = at;
-    next[axis] += 1;
-    let (inside, inside_next) = (field[at] > 0.0, field[next] > 0.0);
-    if inside == inside_next {
-        return;
-    }
-    let (p, q) = ((axis + 1) % 3, (axis + 2) % 3);
-    let corner = |dp: usize, dq: usize| {
-        let mut cell = at;
-        cell[p] -= dp;
-        cell[q] -= dq;
-        vertex(cell)
-    };
-    let mut around = [corner(1, 1), corner(0, 1), corner(0, 0), corner(1, 0)];
-    if !inside {
-        around.reverse();
-    }
-    triangles.push([around[0], around[1], around[2]]);
-    triangles.push([around[0], around[2], around[3]]);
 }
 
 #[cfg(test)]

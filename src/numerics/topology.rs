@@ -4,10 +4,9 @@
 //!
 //! A neighbourhood is 27 bits: bit `(dx+1) + 3(dy+1) + 9(dz+1)`, bit 13 the centre.
 
-use rayon::prelude::*;
-
 use crate::space::Grid;
 
+use super::parallel::each_number;
 use crate::cancel::{Cancel, Cancelled};
 
 /// The centre's bit number.
@@ -32,6 +31,28 @@ pub fn neighborhood(cell: impl Fn(usize) -> u8, offset: usize, nx: usize, nxy: u
     bits
 }
 
+/// Offsets of the 27 voxels of a neighbourhood, ascending.
+#[must_use]
+pub fn cube(offset: usize, nx: usize, nxy: usize) -> [usize; 27] {
+    let mut voxels = [0; 27];
+    let mut bit = 0;
+    for z in [offset - nxy, offset, offset + nxy] {
+        for y in [z - nx, z, z + nx] {
+            for x in [y - 1, y, y + 1] {
+                voxels[bit] = x;
+                bit += 1;
+            }
+        }
+    }
+    voxels
+}
+
+/// Offsets of the six voxels that share a face with one, ascending.
+#[must_use]
+pub fn beside(offset: usize, nx: usize, nxy: usize) -> [usize; 6] {
+    [offset - nxy, offset - nx, offset - 1, offset + 1, offset + nx, offset + nxy]
+}
+
 /// Whether taking the centre away changes no topology: one 26-component of foreground around
 /// it, and one 6-component of background in the 18-neighbourhood that touches it by a face.
 #[must_use]
@@ -45,8 +66,8 @@ pub fn is_simple(bits: u32) -> bool {
     if faces == 0 {
         return false;
     }
-    flood(background, lowest(faces), &TABLES.touch6) & faces == faces
-        && flood(foreground, lowest(foreground), &TABLES.touch26) == foreground
+    grown(background, lowest(faces), &TABLES.touch6) & faces == faces
+        && grown(foreground, lowest(foreground), &TABLES.touch26) == foreground
 }
 
 /// Whether the centre is the end of a surface: in one of the nine digital planes through it,
@@ -60,8 +81,8 @@ fn lowest(bits: u32) -> u32 {
     bits & bits.wrapping_neg()
 }
 
-/// Grows `seed` inside `allowed` along `touch`.
-fn flood(allowed: u32, seed: u32, touch: &[u32; 27]) -> u32 {
+/// What `seed` grows to inside `allowed` along `touch`.
+fn grown(allowed: u32, seed: u32, touch: &[u32; 27]) -> u32 {
     let mut grown = seed;
     let mut front = seed;
     while front != 0 {
@@ -167,25 +188,28 @@ const fn norm_max(d: [i32; 3]) -> i32 {
 /// When it is cancelled.
 pub fn euler_number(set: &Grid<bool>, cancel: &dyn Cancel) -> Result<i64, Cancelled> {
     let shares = euler_shares();
+    let planes = set.dims()[2] + 1;
+    Ok(each_number(planes, 1, |k| in_plane_of_corners(set, k, &shares), cancel)?.into_iter().sum())
+}
+
+/// Sum over the corners of a plane between voxels `k − 1` and `k`.
+fn in_plane_of_corners(set: &Grid<bool>, k: usize, shares: &[i64; 256]) -> i64 {
     let [nx, ny, nz] = set.dims();
-    let row = |j: usize, k: usize| &set.as_slice()[nx * (j + ny * k)..nx * (j + ny * k + 1)];
-    let of_plane = |k: usize| {
-        cancel.check()?;
-        let mut sum = 0;
-        for j in 0..=ny {
-            // The four rows that meet along the grid line of these corners.
-            let back = [0u8, 1, 2, 3].map(|b| (j.checked_sub(usize::from(b & 1)), k.checked_sub(usize::from(b >> 1))));
-            let rows = back.map(|at| match at {
-                (Some(j), Some(k)) if j < ny && k < nz => row(j, k),
-                _ => &[],
-            });
-            if rows.iter().any(|row| row.contains(&true)) {
-                sum += along_corners(rows, nx, &shares);
+    let mut sum = 0;
+    for j in 0..=ny {
+        // The four rows that meet along the grid line of these corners.
+        let mut rows: [&[bool]; 4] = [&[]; 4];
+        for (b, row) in rows.iter_mut().enumerate() {
+            let (j, k) = (j.wrapping_sub(b & 1), k.wrapping_sub(b >> 1));
+            if j < ny && k < nz {
+                *row = &set.as_slice()[nx * (j + ny * k)..nx * (j + ny * k + 1)];
             }
         }
-        Ok(sum)
-    };
-    (0..=nz).into_par_iter().map(of_plane).sum()
+        if rows.iter().any(|row| row.contains(&true)) {
+            sum += along_corners(rows, nx, shares);
+        }
+    }
+    sum
 }
 
 /// Sum over the corners along four rows, each empty or `nx` long.
@@ -208,10 +232,14 @@ fn along_corners(rows: [&[bool]; 4], nx: usize, shares: &[i64; 256]) -> i64 {
 fn euler_shares() -> [i64; 256] {
     /// Bits of the axes, and the sign that the cell counts with.
     const CELLS: [(usize, i64); 8] = [(7, 1), (6, -1), (5, -1), (3, -1), (1, 1), (2, 1), (4, 1), (0, -1)];
-    std::array::from_fn(|around| {
-        let touches = |axes: usize| (0..8).any(|back| back & axes == back && around >> back & 1 == 1);
-        CELLS.iter().filter(|(axes, _)| touches(*axes)).map(|(_, sign)| sign).sum()
-    })
+    let mut shares = [0; 256];
+    for (around, share) in shares.iter_mut().enumerate() {
+        for (axes, sign) in CELLS {
+            let touches = (0..8).any(|back| back & axes == back && around >> back & 1 == 1);
+            *share += if touches { sign } else { 0 };
+        }
+    }
+    shares
 }
 
 #[cfg(test)]

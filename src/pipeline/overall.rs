@@ -55,7 +55,10 @@ impl Overall {
     /// half for most of the run. Weighing the same, the large ones, which come first, would make it four
     /// times too long; weighing as their voxels, half of it.
     pub fn tell_sizes(&mut self, voxels: &[u64]) {
-        self.weights = voxels.iter().map(|&voxels| (voxels as f64).powf(2.0 / 3.0)).collect();
+        self.weights.clear();
+        for &voxels in voxels {
+            self.weights.push((voxels as f64).powf(2.0 / 3.0));
+        }
         self.done.resize(voxels.len(), Done::default());
     }
 

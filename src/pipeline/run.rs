@@ -1,6 +1,7 @@
 //! Which labels are worked on, and on how many threads.
 
 use std::cmp::Reverse;
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use super::PipelineError;
@@ -10,9 +11,8 @@ use super::repeats::add_uncertainty;
 use super::sheets::{loss_needed, strength};
 use super::solid::cut_out::{Label, label_boxes};
 use super::stages::stages;
-use crate::cancel::Cancelled;
-use crate::model::StageTimings;
-use crate::model::{Model, Pruning, Refusal, Structure, StructureQuality, TriangleMesh, Verdict};
+use crate::cancel::{Cancel, Cancelled};
+use crate::model::{Model, Pruning, Refusal, StageTimings, Structure, StructureQuality, TriangleMesh, Verdict};
 use crate::params::CheckedParams;
 use crate::space::LabelVolume;
 
@@ -28,30 +28,51 @@ use crate::space::LabelVolume;
 /// # Errors
 /// When cancelled, when a label asked for is missing, or when every structure is refused.
 pub fn run(volume: &LabelVolume, params: &CheckedParams, observer: &dyn Observer) -> Result<Model, PipelineError> {
-    let indices = label_indices(volume, params)?;
-    let boxes = label_boxes(volume, observer)?;
-    observer.begun(&indices.iter().map(|&index| volume.voxels_of(index)).collect::<Vec<_>>());
-    let structure = |number: usize| {
-        let index = indices[number];
-        let bounds = boxes[usize::from(index)].ok_or(Refusal::EmptyMask)?;
-        let context = Context::new(params, observer, number, indices.len());
-        let work = || structure(volume, Label { index, bounds }, context);
-        let is_small = bounds.voxels() <= SMALL_BOX;
-        let structure = if is_small { on_one_thread(work)? } else { work()? };
-        observer.ended(number, indices.len());
-        Ok::<Structure, PipelineError>(structure)
-    };
-    let mut order: Vec<usize> = (0..indices.len()).collect();
-    order.sort_by_key(|&number| Reverse(boxes[usize::from(indices[number])].map_or(0, |bounds| bounds.voxels())));
-    let structures: Vec<Structure> = in_lanes(&order, structure).into_iter().collect::<Result<_, _>>()?;
-    match structures.iter().find_map(|s| s.refusal.clone()) {
-        Some(refusal) if structures.iter().all(|s| s.refusal.is_some()) => Err(refusal.into()),
-        _ => Ok(Model {
+    let labels = labels(volume, params, observer)?;
+    observer.begun(&labels.iter().map(|label| volume.voxels_of(label.index)).collect::<Vec<_>>());
+    let mut order: Vec<usize> = (0..labels.len()).collect();
+    order.sort_by_key(|&number| Reverse(labels[number].bounds.voxels()));
+    let work = Work { volume, params, observer, labels };
+    let structures = in_lanes(&order, |number| work.on(number)).into_iter().collect::<Result<Vec<_>, _>>()?;
+    match refusal_of_all(&structures) {
+        Some(refusal) => Err(refusal.clone().into()),
+        None => Ok(Model {
             params: params.clone(),
             world_from_voxel: volume.world_from_voxel(),
             dims: volume.dims(),
             structures,
         }),
+    }
+}
+
+/// The refusal of the first structure, when all are refused.
+fn refusal_of_all(structures: &[Structure]) -> Option<&Refusal> {
+    for structure in structures {
+        structure.refusal.as_ref()?;
+    }
+    structures.first()?.refusal.as_ref()
+}
+
+/// What a run has to do.
+struct Work<'a> {
+    volume: &'a LabelVolume,
+    params: &'a CheckedParams,
+    observer: &'a dyn Observer,
+    labels: Vec<Label>,
+}
+
+impl Work<'_> {
+    /// Does all of one label.
+    fn on(&self, number: usize) -> Result<Structure, Cancelled> {
+        let (label, count) = (self.labels[number], self.labels.len());
+        let context = Context::new(self.params, self.observer, number, count);
+        let structure = if label.bounds.voxels() <= SMALL_BOX {
+            on_one_thread(|| structure(self.volume, label, context))?
+        } else {
+            structure(self.volume, label, context)?
+        };
+        self.observer.ended(number, count);
+        Ok(structure)
     }
 }
 
@@ -79,7 +100,8 @@ fn structure(volume: &LabelVolume, label: Label, context: Context<'_>) -> Result
 /// A structure of which nothing is known yet but its label.
 fn blank(volume: &LabelVolume, label: Label, params: &CheckedParams) -> Structure {
     let voxels = volume.voxels_of(label.index);
-    let known = &volume.labels()[usize::from(label.index)];
+    // The background is not among them.
+    let known = &volume.labels()[usize::from(label.index) - 1];
     Structure {
         label: known.value,
         name: params.names.get(&known.value).or(known.name.as_ref()).cloned(),
@@ -98,7 +120,8 @@ fn blank(volume: &LabelVolume, label: Label, params: &CheckedParams) -> Structur
     }
 }
 
-/// Box, in voxels, up to which a structure is worked on by one thread: there is too little to share.
+/// Box, in voxels, up to which a structure is worked on by one thread: there is too little to share. With less, small
+/// ones wait for one another at the end of every loop; with more, a run ends on one thread at a large one.
 const SMALL_BOX: u64 = 1 << 18;
 
 /// Does `work` on one thread, its loops included.
@@ -119,34 +142,49 @@ fn on_one_thread<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 /// threads; the results are in the order of the numbers.
 fn in_lanes<T: Send>(order: &[usize], work: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let next = AtomicUsize::new(0);
-    let lane = || {
-        let mut done = Vec::new();
-        while let Some(&number) = order.get(next.fetch_add(1, Relaxed)) {
-            done.push((number, work(number)));
-        }
-        done
-    };
-    let mut done = std::thread::scope(|scope| {
-        let others: Vec<_> = (1..rayon::current_num_threads().min(order.len())).map(|_| scope.spawn(lane)).collect();
-        let mut done = lane();
+    let lanes = rayon::current_num_threads().min(order.len());
+    let mut done = BTreeMap::new();
+    std::thread::scope(|scope| {
+        let others: Vec<_> = (1..lanes).map(|_| scope.spawn(|| lane(order, &next, &work))).collect();
+        done.extend(lane(order, &next, &work));
         for other in others {
             done.extend(other.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
         }
-        done
     });
-    done.sort_by_key(|(number, _)| *number);
-    done.into_iter().map(|(_, result)| result).collect()
+    done.into_values().collect()
 }
 
-/// The volume's index of every label asked for.
-fn label_indices(volume: &LabelVolume, params: &CheckedParams) -> Result<Vec<u16>, Refusal> {
-    /// Labels named in a refusal.
-    const NAMED: usize = 20;
+/// Takes the next of the numbers as long as there are any, and keeps the result with each.
+fn lane<T>(order: &[usize], next: &AtomicUsize, work: &(impl Fn(usize) -> T + Sync)) -> Vec<(usize, T)> {
+    let mut done = Vec::new();
+    while let Some(&number) = order.get(next.fetch_add(1, Relaxed)) {
+        done.push((number, work(number)));
+    }
+    done
+}
+
+/// The labels asked for, and their boxes.
+fn labels(volume: &LabelVolume, params: &CheckedParams, cancel: &dyn Cancel) -> Result<Vec<Label>, PipelineError> {
     let present: Vec<i64> = volume.labels().iter().map(|label| label.value).collect();
     if present.is_empty() {
-        return Err(Refusal::EmptyMask);
+        return Err(Refusal::EmptyMask.into());
     }
-    let wanted = params.labels.as_deref().unwrap_or(&present);
-    let missing = |label: i64| Refusal::LabelMissing { label, present: present.iter().copied().take(NAMED).collect() };
-    wanted.iter().map(|&label| volume.index_of(label).ok_or_else(|| missing(label))).collect()
+    let mut indices = Vec::new();
+    for &label in params.labels.as_deref().unwrap_or(&present) {
+        indices.push(volume.index_of(label).ok_or_else(|| missing(label, &present))?);
+    }
+    let boxes = label_boxes(volume, cancel)?;
+    let mut labels = Vec::new();
+    for index in indices {
+        let bounds = boxes[usize::from(index)].ok_or(Refusal::EmptyMask)?;
+        labels.push(Label { index, bounds });
+    }
+    Ok(labels)
+}
+
+/// The refusal of a label that is none of those present.
+fn missing(label: i64, present: &[i64]) -> Refusal {
+    /// Labels named in a refusal.
+    const NAMED: usize = 20;
+    Refusal::LabelMissing { label, present: present.iter().copied().take(NAMED).collect() }
 }

@@ -1,4 +1,4 @@
-//! Stage 2, before the ordered thinning: what lies far from all medial voxels is taken away, by all
+//! Step 2, before the ordered thinning: what lies far from all medial voxels is taken away, by all
 //! threads together.
 //!
 //! It goes in bands of depth. Inside a band the order decides nothing, for in the end all of it goes;
@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
 use rayon::prelude::*;
 
 use crate::numerics::field::{floor_index, id};
-use crate::numerics::topology::{is_simple, neighborhood};
+use crate::numerics::topology::{beside, is_simple, neighborhood};
 use crate::space::Grid;
 
 use crate::cancel::{Cancel, Cancelled};
@@ -33,12 +33,13 @@ pub(super) mod state {
     pub const NEAR: u8 = 16;
 }
 
-/// Steps around a medial voxel in which the order of thinning matters, voxels.
+/// Steps around a medial voxel in which the order of thinning matters, voxels. With fewer, what connects medial
+/// voxels may be off the middle; with more, more is left to one thread.
 const NEAR_STEPS: usize = 2;
 /// Depths that are taken away together, voxels: where there is no medial voxel but topology asks for
-/// something to stay, it stays in the middle to within this.
+/// something to stay, it stays in the middle to within this. Thinner bands are more rounds of less work each.
 const BAND: f32 = 1.0;
-/// Voxels that one thread takes at a time.
+/// Voxels that one thread takes at a time; fewer are not worth handing over.
 const PER_TASK: usize = 512;
 
 /// Voxels by parity: in none of the parts do two touch.
@@ -54,32 +55,32 @@ pub(super) fn peeled(
 ) -> Result<Vec<u8>, Cancelled> {
     let peel = Peel::new(inside, depth, medial, cancel)?;
     let mut bands = vec![Parts::default()];
-    let far = depth.skin_voxels.par_iter().copied().filter(|&o| peel.cells[o].load(Relaxed) & NEAR == 0);
+    let far = depth.skin_voxels.par_iter().copied().filter(|&o| !peel.is_near(o));
     peel.sort(far, 0, &mut bands);
     let mut number = 0;
     while number < bands.len() {
-        let (mut held, mut has_gone) = (Parts::default(), false);
-        while bands[number].iter().any(|part| !part.is_empty()) {
-            let open = std::mem::take(&mut bands[number]);
-            for (part, held) in open.iter().zip(&mut held) {
-                cancel.check()?;
-                let (going, staying): (Vec<u32>, Vec<u32>) =
-                    part.par_iter().with_min_len(PER_TASK).partition(|&&o| peel.is_free(o as usize));
-                let opened = going.par_iter().with_min_len(PER_TASK).flat_map_iter(|&o| peel.take_away(o as usize));
-                // What lies less deep than the band is of it, too.
-                peel.sort(opened, number, &mut bands);
-                has_gone |= !going.is_empty();
-                held.extend(staying);
-            }
-        }
+        let Band { held, has_gone } = peel.take_band_away(number, &mut bands, cancel)?;
         number += 1;
         // What was held may go with the next band; behind the last one, as long as anything goes.
-        if number < bands.len() || (has_gone && held.iter().any(|part| !part.is_empty())) {
+        if number < bands.len() || (has_gone && has_voxels(&held)) {
             bands.resize_with(bands.len().max(number + 1), Parts::default);
-            bands[number].iter_mut().zip(held).for_each(|(part, held)| part.extend(held));
+            for (part, held) in bands[number].iter_mut().zip(held) {
+                part.extend(held);
+            }
         }
     }
     Ok(peel.cells.into_iter().map(AtomicU8::into_inner).collect())
+}
+
+fn has_voxels(parts: &Parts) -> bool {
+    parts.iter().any(|part| !part.is_empty())
+}
+
+/// What is left of a band.
+struct Band {
+    /// Voxels that topology holds back.
+    held: Parts,
+    has_gone: bool,
 }
 
 struct Peel<'a> {
@@ -91,25 +92,43 @@ struct Peel<'a> {
 impl<'a> Peel<'a> {
     fn new(inside: &Grid<bool>, depth: &'a Depth, medial: &[usize], cancel: &dyn Cancel) -> Result<Self, Cancelled> {
         let cells = inside.try_map(|is_in| AtomicU8::new(u8::from(*is_in) * LEFT), cancel)?.into_vec();
-        let [nx, ny, _] = inside.dims();
+        let peel = Self { depth: depth.depth.as_slice(), dims: inside.dims().map(id), cells };
         medial.par_iter().with_min_len(PER_TASK).try_for_each(|&o| {
             cancel.check()?;
-            around(o, NEAR_STEPS, [nx, nx * ny]).for_each(|n| {
-                cells[n].fetch_or(NEAR, Relaxed);
-            });
-            cells[o].fetch_or(MEDIAL, Relaxed);
+            peel.mark_medial(o);
             Ok(())
         })?;
-        depth.skin_voxels.par_iter().with_min_len(PER_TASK).for_each(|&o| {
-            cells[o].fetch_or(OPEN, Relaxed);
-        });
-        Ok(Self { depth: depth.depth.as_slice(), dims: inside.dims().map(id), cells })
+        depth.skin_voxels.par_iter().with_min_len(PER_TASK).for_each(|&o| peel.mark(o, OPEN));
+        Ok(peel)
+    }
+
+    fn mark(&self, o: usize, state: u8) {
+        self.cells[o].fetch_or(state, Relaxed);
+    }
+
+    /// Marks a voxel that is medial, and those near it.
+    fn mark_medial(&self, o: usize) {
+        let [nx, nxy] = self.strides();
+        let first = o - NEAR_STEPS * (1 + nx + nxy);
+        for k in 0..=2 * NEAR_STEPS {
+            for j in 0..=2 * NEAR_STEPS {
+                for i in 0..=2 * NEAR_STEPS {
+                    self.mark(first + i + j * nx + k * nxy, NEAR);
+                }
+            }
+        }
+        self.mark(o, MEDIAL);
     }
 
     fn strides(&self) -> [usize; 2] {
         [self.dims[0] as usize, (self.dims[0] * self.dims[1]) as usize]
     }
 
+    fn is_near(&self, o: usize) -> bool {
+        self.cells[o].load(Relaxed) & NEAR != 0
+    }
+
+    /// Whether topology lets a voxel go.
     fn is_free(&self, o: usize) -> bool {
         let [nx, nxy] = self.strides();
         is_simple(neighborhood(|n| self.cells[n].load(Relaxed), o, nx, nxy))
@@ -120,32 +139,46 @@ impl<'a> Peel<'a> {
     fn take_away(&self, o: usize) -> impl Iterator<Item = usize> + '_ {
         let [nx, nxy] = self.strides();
         self.cells[o].store(0, Relaxed);
-        let beside = [o - nxy, o - nx, o - 1, o + 1, o + nx, o + nxy].into_iter();
-        beside.filter(|&n| self.cells[n].fetch_or(OPEN, Relaxed) == LEFT)
+        beside(o, nx, nxy).into_iter().filter(|&n| self.cells[n].fetch_or(OPEN, Relaxed) == LEFT)
+    }
+
+    /// Takes away what can go of a band, and of what that opens in it.
+    fn take_band_away(&self, number: usize, bands: &mut Vec<Parts>, cancel: &dyn Cancel) -> Result<Band, Cancelled> {
+        let mut band = Band { held: Parts::default(), has_gone: false };
+        while has_voxels(&bands[number]) {
+            let open = std::mem::take(&mut bands[number]);
+            for (part, held) in open.iter().zip(&mut band.held) {
+                cancel.check()?;
+                let (going, staying): (Vec<u32>, Vec<u32>) =
+                    part.par_iter().with_min_len(PER_TASK).partition(|&&o| self.is_free(o as usize));
+                let opened = going.par_iter().with_min_len(PER_TASK).flat_map_iter(|&o| self.take_away(o as usize));
+                // What lies less deep than the band is of it, too.
+                self.sort(opened, number, bands);
+                band.has_gone |= !going.is_empty();
+                held.extend(staying);
+            }
+        }
+        Ok(band)
     }
 
     /// Adds voxels to their bands, to the band of number `least` at the least.
     fn sort(&self, voxels: impl ParallelIterator<Item = usize>, least: usize, bands: &mut Vec<Parts>) {
-        let place = |o: usize| {
-            let band = floor_index(f64::from(self.depth[o] / BAND)).max(least);
-            let o = id(o);
-            let (row, i) = (o / self.dims[0], o % self.dims[0]);
-            let (j, k) = (row % self.dims[1], row / self.dims[1]);
-            (o, band, ((i & 1) | (j & 1) << 1 | (k & 1) << 2) as usize)
-        };
-        let places: Vec<(u32, usize, usize)> = voxels.map(place).collect();
+        let places: Vec<(u32, usize, usize)> = voxels.map(|o| self.place(o)).collect();
         for (o, band, part) in places {
+            let band = band.max(least);
             if band >= bands.len() {
                 bands.resize_with(band + 1, Parts::default);
             }
             bands[band][part].push(o);
         }
     }
-}
 
-/// The voxels within some steps of one along each axis; they must lie in the grid.
-pub(super) fn around(o: usize, steps: usize, [nx, nxy]: [usize; 2]) -> impl Iterator<Item = usize> {
-    let first = o - steps * (1 + nx + nxy);
-    let along = move || 0..2 * steps + 1;
-    along().flat_map(move |k| along().flat_map(move |j| along().map(move |i| first + i + j * nx + k * nxy)))
+    /// A voxel with its band and its part of it.
+    fn place(&self, o: usize) -> (u32, usize, usize) {
+        let band = floor_index(f64::from(self.depth[o] / BAND));
+        let o = id(o);
+        let (row, i) = (o / self.dims[0], o % self.dims[0]);
+        let (j, k) = (row % self.dims[1], row / self.dims[1]);
+        (o, band, ((i & 1) | (j & 1) << 1 | (k & 1) << 2) as usize)
+    }
 }

@@ -6,38 +6,32 @@
 //! crest where the vector to it leans more than [`CREST_COSINE`] out of the normal: there it
 //! comes from the sheet's rim. Skin that no ball comes near, beyond the end of a sheet, is crest too.
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
-
 use nalgebra::{Point3, Vector3};
 
-use crate::numerics::components::{Connectivity, neighbors};
-use crate::numerics::field::id;
-
+use super::inscribed::Inscribed;
+use super::orientation::upward_normals;
+use super::surface::{POINTS_PER_TASK, Places, Surface, picked};
+use super::{Hinge, Sheets};
 use crate::cancel::{Cancel, Cancelled};
-use crate::model::Refusal;
+use crate::numerics::field::id;
+use crate::numerics::parallel::each;
+use crate::numerics::topology::cube;
 use crate::pipeline::PipelineError;
 use crate::pipeline::context::Context;
 use crate::pipeline::medial::MedialSurface;
-use crate::pipeline::sheets::surface::Surface;
-use crate::pipeline::sheets::{Inscribed, Sheets};
 use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::depth::Depth;
 
-/// Cosine between a spoke and the sheet's normal below which the skin point is crest: 60°.
+pub use super::orientation::is_orientable;
+
+/// Cosine between a spoke and the sheet's normal below which the skin point is crest: 60°. With less, the rim's
+/// round skin is of both sides, and they are laid flat far beyond the sheet; with more, slanted sides count as crest.
 const CREST_COSINE: f64 = 0.5;
 /// How far a skin point may lie outside of its ball, in voxels and as a share of the radius. Further
-/// off, beyond the end of the sheet, the skin is crest.
+/// off, beyond the end of the sheet, the skin is crest. With less, noise on the boundary makes holes in the sides.
 const BALL_GAP: f64 = 1.0;
 /// See [`BALL_GAP`].
 const BALL_GAP_SHARE: f64 = 0.25;
-/// Cosine of the feet of points whose normal is beyond doubt, for the orientability test.
-const SURE_FEET_COSINE: f64 = -0.7;
-/// Cosine below which two touching, sure normals disagree.
-const CONFLICT_COSINE: f64 = -0.5;
-/// Disagreeing links below which they are noise: a strip of a Möbius band has one across its
-/// whole width.
-const MIN_CONFLICTS: usize = 10;
 
 /// One side of a sheet.
 #[derive(Clone, Debug, Default)]
@@ -70,7 +64,8 @@ pub struct SheetSides {
 /// Splits the skin into the sides of the sheets.
 ///
 /// # Errors
-/// [`Refusal::NotOrientable`] when a sheet has one side only; when it is cancelled.
+/// [`Refusal::NotOrientable`](crate::model::Refusal::NotOrientable) when a sheet has one side only; when it is
+/// cancelled.
 pub fn sides(
     solid: &Solid,
     depth: &Depth,
@@ -79,144 +74,113 @@ pub fn sides(
     context: &Context<'_>,
 ) -> Result<Vec<SheetSides>, PipelineError> {
     let mut all = Vec::new();
-    let mut normal_of = vec![Vector3::zeros(); surface.points.len()];
-    let mut local_of = vec![u32::MAX; surface.points.len()];
+    let mut seats = vec![None; surface.points.len()];
     for (number, members) in sheets.members.iter().enumerate() {
-        let whole = surface.part(members, context)?;
-        let kept = whole.largest_piece(context)?;
-        let medial = if kept.len() < members.len() { whole.part(&kept, context)? } else { whole };
-        let members: Vec<u32> = kept.into_iter().map(|k| members[k as usize]).collect();
-        let mut normals = oriented_normals(surface, &members, &medial, context)?;
-        let mean = normals.iter().map(|n| solid.world_from_work.vector(*n)).sum();
-        if solid.senses.of_direction(mean).sign < 0.0 {
-            normals.iter_mut().for_each(|n| *n = -*n);
+        let sheet = id(number);
+        let (members, medial) = largest_part(surface.part(members, context)?, members, context)?;
+        let normals = upward_normals(surface, &members, &medial, solid, context)?;
+        for (local, (&p, &normal)) in members.iter().zip(&normals).enumerate() {
+            seats[p as usize] = Some(Seat { sheet, local: id(local), normal });
         }
-        for (local, (&p, n)) in members.iter().zip(&normals).enumerate() {
-            normal_of[p as usize] = *n;
-            local_of[p as usize] = id(local);
-        }
-        let radii = members.iter().map(|&p| surface.points[p as usize].radius).collect();
-        let met = sheets.hinges.iter().filter(|h| h.sheets.contains(&id(number)));
-        let hinge = met.flat_map(|h| &h.points).map(|&p| surface.points[p as usize].position).collect();
+        let radii = members.iter().map(|&p| surface.point(p).radius).collect();
+        let hinge = met_at(surface, &sheets.hinges, sheet);
         all.push(SheetSides { medial, normals, radii, hinge, ..SheetSides::default() });
     }
-    let mut classes: Vec<[Vec<(u32, u32)>; 2]> = vec![[Vec::new(), Vec::new()]; all.len()];
-    let owners = Inscribed::of(surface, |p| local_of[p] != u32::MAX, context)?.of_skin(depth, context)?;
-    for ((s, point), owner) in depth.skin.iter().enumerate().zip(owners) {
-        context.check()?;
-        let Some((p, gap)) = owner else { continue };
-        let sheet = sheets.sheet_of[p] as usize;
-        let spoke = (point.position - surface.points[p].position).try_normalize(1e-9).unwrap_or_else(Vector3::zeros);
-        let height = spoke.dot(&normal_of[p]);
-        if height.abs() < CREST_COSINE || gap > BALL_GAP + BALL_GAP_SHARE * surface.points[p].radius {
-            all[sheet].crest += 1;
-        } else {
-            classes[sheet][usize::from(height < 0.0)].push((id(s), local_of[p]));
-        }
-    }
+    let classes = classified(depth, surface, &seats, &mut all, context)?;
     for (sheet, [upper, lower]) in all.iter_mut().zip(classes) {
-        let piece = |class| move || one_piece(depth, class, context);
-        let (above, below) = rayon::join(piece(&upper), piece(&lower));
+        let (above, below) = rayon::join(|| one_piece(depth, &upper, context), || one_piece(depth, &lower, context));
         (sheet.upper, sheet.lower) = (above?, below?);
-        sheet.crest += upper.len() + lower.len() - sheet.upper.partners.len() - sheet.lower.partners.len();
+        sheet.crest += upper.skin.len() + lower.skin.len() - sheet.upper.partners.len() - sheet.lower.partners.len();
     }
     Ok(all)
 }
 
-/// The largest connected piece of a side; what is cut off from it counts as crest.
-fn one_piece(depth: &Depth, class: &[(u32, u32)], cancel: &dyn Cancel) -> Result<Side, Cancelled> {
-    let touching = |s: u32, list: &mut Vec<u32>| {
-        neighbors(depth.depth.dims(), depth.skin_voxels[s as usize], Connectivity::Corners26, |n| {
-            list.extend(depth.skin_at(n));
-        });
-    };
-    let members: Vec<u32> = class.iter().map(|c| c.0).collect();
-    let position = |s: u32| depth.skin[s as usize].position;
-    let whole = Surface::made_of(&members, depth.skin.len(), position, touching, cancel)?;
+/// A medial point's place in the sheet that it is of.
+#[derive(Clone, Copy)]
+struct Seat {
+    sheet: u32,
+    /// Its index in the sheet.
+    local: u32,
+    /// Unit normal, towards the upper side.
+    normal: Vector3<f64>,
+}
+
+/// The skin of one side of a sheet.
+#[derive(Clone, Debug, Default)]
+struct Class {
+    /// Skin points, ascending.
+    skin: Vec<u32>,
+    /// The medial point of the sheet that each belongs to.
+    partners: Vec<u32>,
+}
+
+/// The largest connected piece of a surface, and what its points are by the names of those of the whole.
+fn largest_part(whole: Surface, names: &[u32], cancel: &dyn Cancel) -> Result<(Vec<u32>, Surface), Cancelled> {
     let kept = whole.largest_piece(cancel)?;
-    let surface = if kept.len() < members.len() { whole.part(&kept, cancel)? } else { whole };
-    Ok(Side { surface, partners: kept.iter().map(|&k| class[k as usize].1).collect() })
+    let part = if kept.len() < names.len() { whole.part(&kept, cancel)? } else { whole };
+    Ok((picked(names, &kept), part))
 }
 
-/// Whether a sheet (ascending medial points) has two sides.
-///
-/// # Errors
-/// When it is cancelled.
-pub fn is_orientable(surface: &MedialSurface, members: &[u32], cancel: &dyn Cancel) -> Result<bool, Cancelled> {
-    match oriented_normals(surface, members, &surface.part(members, cancel)?, cancel) {
-        Ok(_) => Ok(true),
-        Err(PipelineError::Refused(_)) => Ok(false),
-        Err(PipelineError::Cancelled(stop)) => Err(stop),
+/// The medial points of all hinges of a sheet.
+fn met_at(surface: &MedialSurface, hinges: &[Hinge], sheet: u32) -> Vec<Point3<f64>> {
+    let mut points = Vec::new();
+    for hinge in hinges {
+        if hinge.sheets.contains(&sheet) {
+            for &p in &hinge.points {
+                points.push(surface.point(p).position);
+            }
+        }
     }
+    points
 }
 
-/// Normals of a sheet's points, consistent along the sheet and smoothed over touching points.
-fn oriented_normals(
+/// The upper and the lower class of each sheet; what is neither is counted as crest.
+fn classified(
+    depth: &Depth,
     surface: &MedialSurface,
-    members: &[u32],
-    medial: &Surface,
+    seats: &[Option<Seat>],
+    sheets: &mut [SheetSides],
     cancel: &dyn Cancel,
-) -> Result<Vec<Vector3<f64>>, PipelineError> {
-    let mut normals: Vec<Vector3<f64>> = members.iter().map(|&p| surface.points[p as usize].normal).collect();
-    propagate(medial, &mut normals, cancel)?;
-    let is_sure = |k: usize| surface.points[members[k] as usize].feet_cosine < SURE_FEET_COSINE;
-    check_orientable(medial, &normals, is_sure)?;
-    for _ in 0..2 {
+) -> Result<Vec<[Class; 2]>, Cancelled> {
+    let mut classes = vec![[Class::default(), Class::default()]; sheets.len()];
+    let owners = Inscribed::of(surface, |p| seats[p].is_some(), cancel)?.of_skin(depth, cancel)?;
+    for ((s, skin), owner) in depth.skin.iter().enumerate().zip(owners) {
         cancel.check()?;
-        normals = smoothed(medial, &normals);
-    }
-    Ok(normals)
-}
-
-/// Turns normals to agree with their neighbours, along the links where they are most parallel
-/// first (a maximum spanning tree; Hoppe et al., SIGGRAPH 1992).
-fn propagate(medial: &Surface, normals: &mut [Vector3<f64>], cancel: &dyn Cancel) -> Result<(), Cancelled> {
-    let mut is_done = vec![false; normals.len()];
-    for start in 0..normals.len() {
-        let mut heap = BinaryHeap::new();
-        heap.push((0u64, Reverse(id(start)), id(start)));
-        while let Some((_, Reverse(to), from)) = heap.pop() {
-            cancel.check()?;
-            let (to, from) = (to as usize, from as usize);
-            if std::mem::replace(&mut is_done[to], true) {
-                continue;
-            }
-            if normals[to].dot(&normals[from]) < 0.0 {
-                normals[to] = -normals[to];
-            }
-            for &next in &medial.adjacency[to] {
-                if !is_done[next as usize] {
-                    let parallel = normals[to].dot(&normals[next as usize]).abs();
-                    heap.push((parallel.to_bits(), Reverse(next), id(to)));
-                }
-            }
+        let Some((p, gap)) = owner else { continue };
+        let Some(Seat { sheet, local, normal }) = seats[p] else { continue };
+        let medial = &surface.points[p];
+        let spoke = (skin.position - medial.position).try_normalize(1e-9).unwrap_or_else(Vector3::zeros);
+        let height = spoke.dot(&normal);
+        if height.abs() < CREST_COSINE || gap > BALL_GAP + BALL_GAP_SHARE * medial.radius {
+            sheets[sheet as usize].crest += 1;
+        } else {
+            let class = &mut classes[sheet as usize][usize::from(height < 0.0)];
+            class.skin.push(id(s));
+            class.partners.push(local);
         }
     }
-    Ok(())
+    Ok(classes)
 }
 
-fn check_orientable(
-    medial: &Surface,
-    normals: &[Vector3<f64>],
-    is_sure: impl Fn(usize) -> bool,
-) -> Result<(), Refusal> {
-    let (mut conflicts, mut links) = (0, 0);
-    for (a, list) in medial.adjacency.iter().enumerate() {
-        for &b in list {
-            let b = b as usize;
-            if a < b && is_sure(a) && is_sure(b) {
-                links += 1;
-                conflicts += usize::from(normals[a].dot(&normals[b]) < CONFLICT_COSINE);
-            }
+/// The largest connected piece of a side; what is cut off from it counts as crest.
+fn one_piece(depth: &Depth, class: &Class, cancel: &dyn Cancel) -> Result<Side, Cancelled> {
+    let positions = class.skin.iter().map(|&s| depth.skin[s as usize].position).collect();
+    let places = Places::of(&class.skin, depth.skin.len());
+    let list = |s: &u32| places.of_those(&touching_skin(depth, *s));
+    let whole = Surface { positions, adjacency: each(&class.skin, POINTS_PER_TASK, list, cancel)? };
+    let (partners, surface) = largest_part(whole, &class.partners, cancel)?;
+    Ok(Side { surface, partners })
+}
+
+/// The skin points of the voxels around that of one, ascending. Skin is never on the edge of the grid.
+fn touching_skin(depth: &Depth, s: u32) -> Vec<u32> {
+    let [nx, ny, _] = depth.depth.dims();
+    let own = depth.skin_voxels[s as usize];
+    let mut touching = Vec::new();
+    for voxel in cube(own, nx, nx * ny) {
+        if voxel != own {
+            touching.extend(depth.skin_at(voxel));
         }
     }
-    if conflicts >= MIN_CONFLICTS { Err(Refusal::NotOrientable { conflicts, links }) } else { Ok(()) }
-}
-
-fn smoothed(medial: &Surface, normals: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
-    let mean = |k: usize| {
-        let around: Vector3<f64> = medial.adjacency[k].iter().map(|&n| normals[n as usize]).sum();
-        (normals[k] + around).try_normalize(1e-9).unwrap_or(normals[k])
-    };
-    (0..normals.len()).map(mean).collect()
+    touching
 }

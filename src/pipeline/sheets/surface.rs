@@ -2,11 +2,14 @@
 //! they touch.
 
 use nalgebra::Point3;
-use rayon::prelude::*;
-
-use crate::numerics::field::id;
 
 use crate::cancel::{Cancel, Cancelled};
+use crate::numerics::field::id;
+use crate::numerics::flood::pieces;
+use crate::numerics::parallel::each;
+
+/// Points that one thread takes at a time; fewer are not worth handing over.
+pub(super) const POINTS_PER_TASK: usize = 256;
 
 /// Points of a surface, voxels of work space, with their 26-neighbours on it.
 #[derive(Clone, Debug, Default)]
@@ -18,30 +21,20 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// The part of a larger surface of `whole` points made of `members` (ascending indices into it);
-    /// `touching` adds the points that one touches to a list, ascending.
+    /// The part of a larger surface, whose points touch by `adjacency`, that is made of `members` (ascending indices
+    /// into it), which lie at `positions`.
     ///
     /// # Errors
     /// When it is cancelled.
-    pub fn made_of(
+    pub fn part_of(
+        adjacency: &[Vec<u32>],
         members: &[u32],
-        whole: usize,
-        position: impl Fn(u32) -> Point3<f64>,
-        touching: impl Fn(u32, &mut Vec<u32>) + Sync,
+        positions: Vec<Point3<f64>>,
         cancel: &dyn Cancel,
     ) -> Result<Self, Cancelled> {
-        let mut place = vec![u32::MAX; whole];
-        members.iter().enumerate().for_each(|(k, &p)| place[p as usize] = id(k));
-        let list_of = |&p: &u32| {
-            cancel.check()?;
-            let mut list = Vec::new();
-            touching(p, &mut list);
-            list.iter_mut().for_each(|n| *n = place[*n as usize]);
-            list.retain(|n| *n != u32::MAX);
-            Ok(list)
-        };
-        let adjacency = members.par_iter().with_min_len(256).map(list_of).collect::<Result<_, _>>()?;
-        Ok(Self { positions: members.iter().map(|&p| position(p)).collect(), adjacency })
+        let places = Places::of(members, adjacency.len());
+        let list = |p: &u32| places.of_those(&adjacency[*p as usize]);
+        Ok(Self { positions, adjacency: each(members, POINTS_PER_TASK, list, cancel)? })
     }
 
     /// The part made of some points (ascending).
@@ -49,8 +42,7 @@ impl Surface {
     /// # Errors
     /// When it is cancelled.
     pub fn part(&self, members: &[u32], cancel: &dyn Cancel) -> Result<Self, Cancelled> {
-        let touching = |p: u32, list: &mut Vec<u32>| list.extend_from_slice(&self.adjacency[p as usize]);
-        Self::made_of(members, self.positions.len(), |p| self.positions[p as usize], touching, cancel)
+        Self::part_of(&self.adjacency, members, picked(&self.positions, members), cancel)
     }
 
     /// Indices of the largest connected piece (the first of equals), ascending.
@@ -58,29 +50,37 @@ impl Surface {
     /// # Errors
     /// When it is cancelled.
     pub fn largest_piece(&self, cancel: &dyn Cancel) -> Result<Vec<u32>, Cancelled> {
-        let mut seen = vec![false; self.positions.len()];
-        let mut best = Vec::new();
-        for start in 0..seen.len() {
-            if seen[start] {
-                continue;
-            }
-            seen[start] = true;
-            let mut piece = vec![id(start)];
-            let mut next = 0;
-            while next < piece.len() {
-                cancel.check()?;
-                for &n in &self.adjacency[piece[next] as usize] {
-                    if !std::mem::replace(&mut seen[n as usize], true) {
-                        piece.push(n);
-                    }
-                }
-                next += 1;
-            }
-            if piece.len() > best.len() {
-                best = piece;
+        let mut largest = Vec::new();
+        for piece in pieces(&self.adjacency, |_| true, cancel)? {
+            if piece.len() > largest.len() {
+                largest = piece;
             }
         }
-        best.sort_unstable();
-        Ok(best)
+        largest.sort_unstable();
+        Ok(largest)
+    }
+}
+
+/// Those of all values that have some numbers, in the order of the numbers.
+pub(super) fn picked<T: Copy>(all: &[T], numbers: &[u32]) -> Vec<T> {
+    numbers.iter().map(|&n| all[n as usize]).collect()
+}
+
+/// Where each of some points is in their list.
+pub(super) struct Places(Vec<Option<u32>>);
+
+impl Places {
+    /// Of `members` of `whole` points.
+    pub fn of(members: &[u32], whole: usize) -> Self {
+        let mut places = vec![None; whole];
+        for (k, &p) in members.iter().enumerate() {
+            places[p as usize] = Some(id(k));
+        }
+        Self(places)
+    }
+
+    /// Places of those points that are members, in their order.
+    pub fn of_those(&self, points: &[u32]) -> Vec<u32> {
+        points.iter().filter_map(|&p| self.0[p as usize]).collect()
     }
 }

@@ -1,14 +1,17 @@
 //! One piece without cavities.
 
+use super::SLICE;
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::components::{Connectivity, components};
 use crate::pipeline::context::Context;
 use crate::space::Grid;
 
-/// A second part of at least this share of the largest is not a stray.
+/// A second part of at least this share of the largest is not a stray. It decides which of two warnings is given,
+/// nothing else.
 const PART_SHARE: f64 = 0.1;
-/// Voxels between two looks at whether to stop.
-const SLICE: usize = 1 << 16;
+/// Level given to voxels that change sides: what half a voxel of depth has. With less the boundary would pass
+/// nearer to them than half-way, with more nearer to their neighbours.
+const DECIDED: f32 = 0.2;
 
 /// The largest part without cavities.
 pub(super) fn clean(mut mask: Grid<bool>, context: &Context<'_>) -> Result<Grid<bool>, Cancelled> {
@@ -38,8 +41,6 @@ fn fill_cavities(mask: &mut Grid<bool>, cancel: &dyn Cancel) -> Result<usize, Ca
 /// The inside of the smoothed boundary, reduced to its largest part without cavities. The level
 /// is changed to agree.
 pub(super) fn keep_one_piece(level: &mut Grid<f32>, cancel: &dyn Cancel) -> Result<Grid<bool>, Cancelled> {
-    /// Level given to voxels that change sides: what half a voxel of depth has.
-    const DECIDED: f32 = 0.2;
     let mut inside = level.try_map(|v| *v > 0.0, cancel)?;
     let parts = components(&inside, true, Connectivity::Corners26, cancel)?;
     let dropped = parts.set_all_but(parts.largest(), &mut inside, false);

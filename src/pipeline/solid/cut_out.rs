@@ -8,6 +8,12 @@ use crate::cancel::{Cancel, Cancelled};
 use crate::pipeline::context::Context;
 use crate::space::{Grid, LabelVolume, VoxelIndex, WorldFromVoxel};
 
+/// Rows that one thread takes at a time; fewer are not worth handing over.
+const ROWS_PER_TASK: usize = 64;
+/// Difference of cosines that counts as none. Rounding makes 1e-15, and headers in f32 1e-7: with less, which axes
+/// come first would hang on it; with more, voxels turned by less than 45° by a hair would count as turned by it.
+const TIE: f64 = 1e-6;
+
 /// The box of a label in the volume, both corners included.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LabelBox {
@@ -21,7 +27,19 @@ impl LabelBox {
     /// Voxels in the box.
     #[must_use]
     pub fn voxels(&self) -> u64 {
-        (0..3).map(|a| (self.high[a] - self.low[a] + 1) as u64).product()
+        let mut voxels = 1;
+        for axis in 0..3 {
+            voxels *= (self.high[axis] - self.low[axis] + 1) as u64;
+        }
+        voxels
+    }
+
+    /// Grows to hold another box.
+    fn take_in(&mut self, other: Self) {
+        for axis in 0..3 {
+            self.low[axis] = self.low[axis].min(other.low[axis]);
+            self.high[axis] = self.high[axis].max(other.high[axis]);
+        }
     }
 }
 
@@ -49,12 +67,8 @@ pub fn label_boxes(volume: &LabelVolume, cancel: &dyn Cancel) -> Result<Vec<Opti
             let label = values[i];
             let run = values[i..].iter().take_while(|v| **v == label).count();
             if label != 0 {
-                let (low, high) = ([i, j, k], [i + run - 1, j, k]);
-                let grown = boxes[usize::from(label)].get_or_insert(LabelBox { low, high });
-                for axis in 0..3 {
-                    grown.low[axis] = grown.low[axis].min(low[axis]);
-                    grown.high[axis] = grown.high[axis].max(high[axis]);
-                }
+                let found = LabelBox { low: [i, j, k], high: [i + run - 1, j, k] };
+                boxes[usize::from(label)].get_or_insert(found).take_in(found);
             }
             i += run;
         }
@@ -63,22 +77,8 @@ pub fn label_boxes(volume: &LabelVolume, cancel: &dyn Cancel) -> Result<Vec<Opti
 }
 
 /// Warns of a label that touches the edge of the image.
-pub(super) fn warn_if_cut(volume: &LabelVolume, Label { index, bounds }: Label, context: &Context<'_>) {
-    let dims = volume.dims();
-    let touched = (0..3).filter(|&a| bounds.low[a] == 0 || bounds.high[a] + 1 == dims[a]);
-    let mut cut = 0;
-    for axis in touched {
-        let (p, q) = ((axis + 1) % 3, (axis + 2) % 3);
-        for face in if dims[axis] == 1 { vec![0] } else { vec![0, dims[axis] - 1] } {
-            for x in 0..dims[p] {
-                for y in 0..dims[q] {
-                    let mut at = [0; 3];
-                    (at[axis], at[p], at[q]) = (face, x, y);
-                    cut += usize::from(volume.indices()[at] == index);
-                }
-            }
-        }
-    }
+pub(super) fn warn_if_cut(volume: &LabelVolume, label: Label, context: &Context<'_>) {
+    let cut = voxels_on_edge(volume, label);
     if cut > 0 {
         let message =
             format!("the object touches the edge of the image with {cut} voxels: what lies beyond is missing");
@@ -86,81 +86,179 @@ pub(super) fn warn_if_cut(volume: &LabelVolume, Label { index, bounds }: Label, 
     }
 }
 
+/// Voxels of a label on the faces of the image; one on an edge of the image is of both faces there.
+fn voxels_on_edge(volume: &LabelVolume, label: Label) -> usize {
+    let (dims, bounds) = (volume.dims(), label.bounds);
+    let mut count = 0;
+    for (axis, length) in dims.into_iter().enumerate() {
+        if bounds.low[axis] == 0 || bounds.high[axis] + 1 == length {
+            count += voxels_on_face(volume, label.index, axis, 0);
+            if length > 1 {
+                count += voxels_on_face(volume, label.index, axis, length - 1);
+            }
+        }
+    }
+    count
+}
+
+/// Voxels of a label in the plane of the image that an axis meets at `face`.
+fn voxels_on_face(volume: &LabelVolume, index: u16, axis: usize, face: usize) -> usize {
+    let dims = volume.dims();
+    let (p, q) = ((axis + 1) % 3, (axis + 2) % 3);
+    let mut count = 0;
+    for x in 0..dims[p] {
+        for y in 0..dims[q] {
+            let mut at = [0; 3];
+            (at[axis], at[p], at[q]) = (face, x, y);
+            count += usize::from(volume.indices()[at] == index);
+        }
+    }
+    count
+}
+
 /// A label's box with one free voxel all around, its axes permuted and reversed so that they run
 /// towards right, anterior and superior as nearly as they can. What follows breaks ties by the order
 /// of voxels: this makes it the world's order, not that of the file.
 pub(super) fn cut_out(volume: &LabelVolume, label: Label, cancel: &dyn Cancel) -> Result<NativeMask, Cancelled> {
-    let Label { index, bounds } = label;
-    let first = Vector3::from_fn(|a, _| bounds.low[a] as f64 - 1.0);
+    let bounds = label.bounds;
+    let (mut first, mut size) = (Vector3::zeros(), [0; 3]);
+    for axis in 0..3 {
+        first[axis] = bounds.low[axis] as f64 - 1.0;
+        size[axis] = bounds.high[axis] - bounds.low[axis] + 3;
+    }
     let world_from_crop = volume.world_from_voxel().shifted_to(first);
-    let axes = nearest_axes(&world_from_crop);
-    let size: [usize; 3] = std::array::from_fn(|a| bounds.high[a] - bounds.low[a] + 3);
-    let dims = axes.map(|(axis, _)| size[axis]);
-    let mut mask = Grid::filled(dims, false);
-    let [width, height, _] = dims;
-    // The voxel of the volume at a place of the mask that is not on its edge.
-    let source = |at: [usize; 3]| {
-        let mut from = [0; 3];
-        for ((axis, is_reversed), x) in axes.into_iter().zip(at) {
-            from[axis] = bounds.low[axis] + if is_reversed { size[axis] - 2 - x } else { x - 1 };
-        }
-        volume.indices().offset(from)
-    };
-    let inner = |n: usize, length: usize| n > 0 && n + 1 < length;
-    mask.as_mut_slice().par_chunks_mut(width).enumerate().with_min_len(64).try_for_each(|(row, out)| {
+    let crop = Crop { volume, label, axes: nearest_axes(&world_from_crop), size };
+    let mut mask = Grid::filled(crop.dims(), false);
+    let rows = mask.as_mut_slice().par_chunks_mut(crop.dims()[0]);
+    rows.enumerate().with_min_len(ROWS_PER_TASK).try_for_each(|(row, out)| {
         cancel.check()?;
-        let (j, k) = (row % height, row / height);
-        if !inner(j, height) || !inner(k, dims[2]) {
-            return Ok(());
+        crop.fill_row(row, out);
+        Ok(())
+    })?;
+    Ok(NativeMask { mask, world_from_voxel: crop.turned(&world_from_crop) })
+}
+
+/// The axis of the voxels that one of the mask runs along.
+#[derive(Clone, Copy)]
+struct Axis {
+    number: usize,
+    /// It runs the other way.
+    is_reversed: bool,
+}
+
+/// A label on its way out of the volume.
+struct Crop<'a> {
+    volume: &'a LabelVolume,
+    label: Label,
+    axes: [Axis; 3],
+    /// Voxels of the box and the free ones around it, along the axes of the volume.
+    size: [usize; 3],
+}
+
+impl Crop<'_> {
+    /// Voxels of the mask.
+    fn dims(&self) -> [usize; 3] {
+        self.axes.map(|axis| self.size[axis.number])
+    }
+
+    /// Where the volume has the voxel at a place of the mask that is not on its edge.
+    fn source(&self, at: [usize; 3]) -> usize {
+        let mut from = [0; 3];
+        for (Axis { number, is_reversed }, x) in self.axes.into_iter().zip(at) {
+            from[number] = self.label.bounds.low[number] + if is_reversed { self.size[number] - 2 - x } else { x - 1 };
         }
-        let (from, to) = (source([1, j, k]), source([width - 2, j, k]));
+        self.volume.indices().offset(from)
+    }
+
+    /// Fills a row of the mask. Its voxels lie at equal steps in the volume, whatever axis it follows there.
+    fn fill_row(&self, row: usize, out: &mut [bool]) {
+        let [width, height, depth] = self.dims();
+        let (j, k) = (row % height, row / height);
+        if j == 0 || k == 0 || j + 1 == height || k + 1 == depth {
+            return;
+        }
+        let (from, to) = (self.source([1, j, k]), self.source([width - 2, j, k]));
         let step = from.abs_diff(to) / (width - 3).max(1);
         for (n, cell) in out[1..width - 1].iter_mut().enumerate() {
             let offset = if from <= to { from + n * step } else { from - n * step };
-            *cell = volume.indices().as_slice()[offset] == index;
+            *cell = self.volume.indices().as_slice()[offset] == self.label.index;
         }
-        Ok(())
-    })?;
-    Ok(NativeMask { mask, world_from_voxel: permuted(&world_from_crop, axes, size) })
+    }
+
+    /// The map of the mask's voxels, of that of the box along the volume's axes.
+    fn turned(&self, world_from_crop: &WorldFromVoxel) -> WorldFromVoxel {
+        let [x, y, z, _] = world_from_crop.rows();
+        let rows = [self.turned_row(x), self.turned_row(y), self.turned_row(z)];
+        WorldFromVoxel::from_rows(rows).expect("permuted and reversed axes still span space")
+    }
+
+    /// One row of the map; the origin is where a reversed axis ends.
+    fn turned_row(&self, row: [f64; 4]) -> [f64; 4] {
+        let mut turned = row;
+        for (to, Axis { number, is_reversed }) in self.axes.into_iter().enumerate() {
+            turned[to] = if is_reversed { -row[number] } else { row[number] };
+            turned[3] += row[number] * if is_reversed { (self.size[number] - 1) as f64 } else { 0.0 };
+        }
+        turned
+    }
 }
 
-/// The map of voxels whose axes were permuted and reversed.
-fn permuted(world_from_voxel: &WorldFromVoxel, axes: [(usize, bool); 3], size: [usize; 3]) -> WorldFromVoxel {
-    let rows = world_from_voxel.rows();
-    let rows = std::array::from_fn(|r| {
-        let column = |(axis, is_reversed): (usize, bool)| if is_reversed { -rows[r][axis] } else { rows[r][axis] };
-        let start = |(axis, is_reversed): (usize, bool)| if is_reversed { (size[axis] - 1) as f64 } else { 0.0 };
-        let origin = axes.iter().fold(rows[r][3], |sum, &a| sum + rows[r][a.0] * start(a));
-        [column(axes[0]), column(axes[1]), column(axes[2]), origin]
-    });
-    WorldFromVoxel::from_rows(rows).expect("permuted and reversed axes still span space")
-}
-
-/// For each axis of the world the voxel axis that follows it, and whether that one runs against it.
+/// For each axis of the world the voxel axis that follows it.
 /// Of all pairings the one with the greatest sum of cosines; of equals (voxels turned by 45°) the
 /// one whose axes come first, by their own directions.
-fn nearest_axes(world_from_voxel: &WorldFromVoxel) -> [(usize, bool); 3] {
-    /// Difference of two sums of cosines that rounding can make.
-    const TIE: f64 = 1e-6;
+fn nearest_axes(world_from_voxel: &WorldFromVoxel) -> [Axis; 3] {
     const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
-    let (rows, spacing) = (world_from_voxel.rows(), world_from_voxel.spacing_mm());
-    let cosine = |r: usize, axis: usize| rows[r][axis] / spacing[axis];
-    let directed = |r: usize, axis: usize| {
-        let sign = if cosine(r, axis) < 0.0 { -1.0 } else { 1.0 };
-        [0, 1, 2].map(|x| sign * cosine(x, axis))
-    };
-    let score = |order: &[usize; 3]| order.iter().enumerate().map(|(r, &axis)| cosine(r, axis).abs()).sum::<f64>();
-    let best = ORDERS.iter().map(score).fold(0.0, f64::max);
-    let is_before = |a: &[usize; 3], b: &[usize; 3]| {
-        let entries = |order: &[usize; 3]| [0, 1, 2].map(|r| directed(r, order[r])).concat();
-        let differing = entries(a).into_iter().zip(entries(b)).find(|(x, y)| (x - y).abs() > TIE);
-        differing.is_some_and(|(x, y)| x > y)
-    };
-    let equals = ORDERS.iter().filter(|order| score(order) > best - TIE);
-    let order = equals.fold(None, |kept: Option<&[usize; 3]>, next| match kept {
-        Some(kept) if !is_before(next, kept) => Some(kept),
-        _ => Some(next),
-    });
-    let order = order.unwrap_or(&ORDERS[0]);
-    [0, 1, 2].map(|r| (order[r], cosine(r, order[r]) < 0.0))
+    let cosines = Cosines::of(world_from_voxel);
+    let mut most = 0.0f64;
+    for order in ORDERS {
+        most = most.max(cosines.sum(order));
+    }
+    let mut best: Option<[usize; 3]> = None;
+    for order in ORDERS {
+        if cosines.sum(order) > most - TIE && best.is_none_or(|best| cosines.is_before(order, best)) {
+            best = Some(order);
+        }
+    }
+    let order = best.unwrap_or(ORDERS[0]);
+    [0, 1, 2].map(|r| Axis { number: order[r], is_reversed: cosines.0[r][order[r]] < 0.0 })
+}
+
+/// Cosines between the axes of the world (rows) and of the voxels (columns).
+struct Cosines([[f64; 3]; 3]);
+
+impl Cosines {
+    fn of(world_from_voxel: &WorldFromVoxel) -> Self {
+        let (rows, spacing) = (world_from_voxel.rows(), world_from_voxel.spacing_mm());
+        Self([0, 1, 2].map(|r| [0, 1, 2].map(|axis| rows[r][axis] / spacing[axis])))
+    }
+
+    /// How nearly voxel axes, in an order, follow those of the world.
+    fn sum(&self, order: [usize; 3]) -> f64 {
+        let mut sum = 0.0;
+        for (row, axis) in self.0.iter().zip(order) {
+            sum += row[axis].abs();
+        }
+        sum
+    }
+
+    /// Directions in the world of voxel axes, in an order and turned to run with those of the world, one after
+    /// the other.
+    fn directions(&self, order: [usize; 3]) -> Vec<f64> {
+        let mut entries = Vec::new();
+        for (row, axis) in self.0.iter().zip(order) {
+            let sign = if row[axis] < 0.0 { -1.0 } else { 1.0 };
+            entries.extend(self.0.map(|row| sign * row[axis]));
+        }
+        entries
+    }
+
+    /// Whether the first entry in which the directions of two orders differ is the greater one in `a`.
+    fn is_before(&self, a: [usize; 3], b: [usize; 3]) -> bool {
+        for (x, y) in self.directions(a).into_iter().zip(self.directions(b)) {
+            if (x - y).abs() > TIE {
+                return x > y;
+            }
+        }
+        false
+    }
 }

@@ -6,7 +6,8 @@ use rayon::prelude::*;
 
 use crate::numerics::components::boundary_voxels;
 use crate::numerics::distance::{NO_SEED, Nearest, nearest_seed_within};
-use crate::numerics::field::{Field, floor_index};
+use crate::numerics::field::{centre, floor_index};
+use crate::numerics::parallel::each;
 use crate::space::Grid;
 
 use crate::cancel::{Cancel, Cancelled};
@@ -15,10 +16,20 @@ use crate::pipeline::solid::Solid;
 
 /// How far along the surface a skin point speaks for it, voxels: half the way to the next one
 /// across a voxel's diagonal.
-const SKIN_REACH: f64 = 0.7;
+pub(in crate::pipeline) const SKIN_REACH: f64 = 0.7;
 /// Newton steps that bring a boundary voxel's centre onto the boundary. The level is nearly
 /// linear there: the second step moves by less than 0.02 voxel.
 const NEWTON_STEPS: usize = 3;
+
+/// Length of one such step at most, voxels: half the diagonal of a voxel's face. Where the level is flat, in the
+/// middle of thin parts, a whole step would leap over the boundary; much smaller ones would not reach it.
+const NEWTON_REACH: f64 = 0.7;
+/// How far a skin point may lie from its voxel's centre, voxels. A neighbour by a face is outside, so the boundary
+/// passes within 1; what went much further is on another part of it.
+const STRAY: f64 = 1.5;
+/// Points, and rows of voxels, that one thread takes at a time; fewer are not worth handing over.
+const POINTS_PER_TASK: usize = 64;
+const ROWS_PER_TASK: usize = 16;
 
 /// A point of the sub-voxel boundary, in work space.
 #[derive(Clone, Copy, Debug)]
@@ -81,56 +92,50 @@ impl Depth {
     }
 }
 
-/// The boundary of a solid: one point per boundary voxel, ascending in voxel offset.
-struct Skin {
-    points: Vec<SkinPoint>,
-    voxels: Vec<usize>,
-}
-
-fn skin(solid: &Solid, cancel: &dyn Cancel) -> Result<Skin, Cancelled> {
-    let voxels = boundary_voxels(&solid.inside, true, cancel)?;
-    let point_of = |&offset: &usize| {
-        cancel.check()?;
-        Ok(skin_point(&solid.level, solid.inside.index(offset)))
-    };
-    let points = voxels.par_iter().with_min_len(64).map(point_of).collect::<Result<_, _>>()?;
-    Ok(Skin { points, voxels })
-}
-
 /// The skin of a solid, and the depth of every inner voxel below it.
 ///
 /// # Errors
 /// When it is cancelled.
 pub fn depth(solid: &Solid, context: &Context<'_>) -> Result<Depth, Cancelled> {
-    let Skin { points: skin, voxels: skin_voxels } = skin(solid, context)?;
+    let skin_voxels = boundary_voxels(&solid.inside, true, context)?;
+    let skin = each(&skin_voxels, POINTS_PER_TASK, |&voxel| skin_point(solid, voxel), context)?;
     context.advance(0.3);
-    let nearest = nearest_seed_within(&solid.inside, &skin_voxels, context)?;
+    let Nearest { squared: mut depth, seed: nearest } = nearest_seed_within(&solid.inside, &skin_voxels, context)?;
     context.advance(0.7);
-    let Nearest { squared: mut depth, seed: nearest } = nearest;
     let [nx, ny, _] = solid.inside.dims();
     let rows = depth.as_mut_slice().par_chunks_mut(nx).zip(nearest.as_slice().par_chunks(nx));
-    rows.enumerate().with_min_len(16).try_for_each(|(row, (depth, nearest))| {
+    rows.enumerate().with_min_len(ROWS_PER_TASK).try_for_each(|(row, (depth, nearest))| {
         context.check()?;
-        let (j, k) = ((row % ny) as f64, (row / ny) as f64);
-        for (i, (depth, &point)) in depth.iter_mut().zip(nearest).enumerate() {
-            #[expect(clippy::cast_possible_truncation, reason = "the grid is f32")]
-            let below = |point: u32| skin[point as usize].distance(Point3::new(i as f64, j, k)) as f32;
-            *depth = if point == NO_SEED { 0.0 } else { below(point) };
-        }
+        fill_row([row % ny, row / ny], &skin, nearest, depth);
         Ok(())
     })?;
     Ok(Depth { skin, skin_voxels, depth, nearest })
 }
 
-fn skin_point(level: &Field, voxel: [usize; 3]) -> SkinPoint {
-    let centre = Point3::from(voxel.map(|x| x as f64));
+/// Depths of a row of voxels below the skin points nearest to them.
+fn fill_row([j, k]: [usize; 2], skin: &[SkinPoint], nearest: &[u32], depth: &mut [f32]) {
+    for (i, (depth, &point)) in depth.iter_mut().zip(nearest).enumerate() {
+        *depth = 0.0;
+        if point != NO_SEED {
+            let centre = Point3::new(i as f64, j as f64, k as f64);
+            #[expect(clippy::cast_possible_truncation, reason = "the grid is f32")]
+            let below = skin[point as usize].distance(centre) as f32;
+            *depth = below;
+        }
+    }
+}
+
+/// The point of the boundary that a boundary voxel stands for: Newton's method from its centre.
+fn skin_point(solid: &Solid, voxel: usize) -> SkinPoint {
+    let level = &solid.level;
+    let centre = centre(solid.inside.index(voxel));
     let mut position = centre;
     for _ in 0..NEWTON_STEPS {
         let gradient = level.gradient(position);
         let step = -gradient * (level.at(position) / gradient.norm_squared().max(1e-9));
-        position += step * (0.7 / step.norm().max(0.7));
+        position += step * (NEWTON_REACH / step.norm().max(NEWTON_REACH));
         // A voxel that is not carried to the boundary near it keeps its own place.
-        if (position - centre).norm() > 1.5 {
+        if (position - centre).norm() > STRAY {
             position = centre;
             break;
         }

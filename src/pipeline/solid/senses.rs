@@ -7,9 +7,10 @@
 //!    no lateral; there it is to the right.
 
 use nalgebra::Point3;
-use rayon::prelude::*;
 
 use crate::cancel::{Cancel, Cancelled};
+use crate::numerics::field::centre;
+use crate::numerics::parallel::each_number;
 use crate::space::{Grid, WorldFromVoxel, WorldVector};
 
 /// A component that points the other way and is at least this share of the strongest one makes a
@@ -21,6 +22,11 @@ const OFF_MIDLINE: f64 = 0.25;
 /// Mean of a unit vector over the sheet below which it has no direction worth the name: a half
 /// ring has 0.64, a closed ring 0.
 const CURLED: f64 = 0.3;
+/// Superior and anterior are known from the world alone, lateral needs the side too: a direction must be twice as
+/// lateral as it is anything else. With 1, objects near the plane x = 0 would be turned by a hair of their place.
+const LATERAL_WEIGHT: f64 = 0.5;
+/// Rows of voxels that one thread takes at a time; fewer are not worth handing over.
+const ROWS_PER_TASK: usize = 64;
 
 /// Which world directions count as positive for one object.
 #[derive(Clone, Copy, Debug)]
@@ -46,40 +52,32 @@ impl Senses {
     /// # Errors
     /// When it is cancelled.
     pub fn of(inside: &Grid<bool>, world_from_work: &WorldFromVoxel, cancel: &dyn Cancel) -> Result<Self, Cancelled> {
-        let [nx, ny, _] = inside.dims();
-        let x_of = |i: usize, j: usize, k: usize| world_from_work.point(Point3::from([i, j, k].map(|x| x as f64))).x;
-        // Of a row: its voxels, the sums of their indices, and the range of x.
-        let of_row = |(row, cells): (usize, &[bool])| {
-            cancel.check()?;
-            let [j, k] = [row % ny, row / ny];
-            let taken = || (0..nx).filter(|&i| cells[i]);
-            let (count, sum) = taken().fold((0, 0), |(count, sum), i| (count + 1, sum + i));
-            let ends = [taken().next(), taken().next_back()].into_iter().flatten().map(|i| x_of(i, j, k));
-            let range = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)]);
-            Ok(([count, sum, count * j, count * k], range))
-        };
-        let both = |(a, p): ([usize; 4], [f64; 2]), (b, q): ([usize; 4], [f64; 2])| {
-            Ok(([0, 1, 2, 3].map(|n| a[n] + b[n]), [p[0].min(q[0]), p[1].max(q[1])]))
-        };
-        let none = || ([0; 4], [f64::INFINITY, f64::NEG_INFINITY]);
-        let rows = inside.as_slice().par_chunks(nx).enumerate().with_min_len(64);
-        let ([count, i, j, k], [low, high]) = rows.map(of_row).try_reduce(none, both)?;
-        let mean = [i, j, k].map(|sum| sum as f64 / count.max(1) as f64);
+        let [_, ny, nz] = inside.dims();
+        let of_row = |row| Extent::of_row(inside, [row % ny, row / ny], world_from_work);
+        let mut whole = Extent::NOTHING;
+        for extent in each_number(ny * nz, ROWS_PER_TASK, of_row, cancel)? {
+            whole.add(extent);
+        }
+        let Extent { voxels, index_sums, low, high } = whole;
+        let mean = index_sums.map(|sum| sum as f64 / voxels.max(1) as f64);
         let centroid = world_from_work.point(Point3::from(mean)).x;
-        let is_midline = count == 0 || centroid.abs() < OFF_MIDLINE * (high - low);
+        let is_midline = voxels == 0 || centroid.abs() < OFF_MIDLINE * (high - low);
         Ok(Self { lateral: if is_midline || centroid > 0.0 { 1.0 } else { -1.0 }, is_midline })
     }
 
     /// Which sense of a direction is the positive one.
     #[must_use]
     pub fn of_direction(&self, direction: WorldVector) -> Sense {
-        /// Superior and anterior are known from the world alone, lateral needs the side too: a
-        /// direction must be twice as lateral as it is anything else.
-        const LATERAL_WEIGHT: f64 = 0.5;
         let weighted = [direction.z, direction.y, LATERAL_WEIGHT * self.lateral * direction.x];
-        let strongest = weighted.into_iter().fold(0.0f64, |best, x| if x.abs() > best.abs() { x } else { best });
+        let mut strongest = 0.0f64;
+        for x in weighted {
+            strongest = if x.abs() > strongest.abs() { x } else { strongest };
+        }
         let sign = if strongest < 0.0 { -1.0 } else { 1.0 };
-        let opposed = weighted.into_iter().map(|x| -sign * x).fold(0.0, f64::max);
+        let mut opposed = 0.0f64;
+        for x in weighted {
+            opposed = opposed.max(-sign * x);
+        }
         let ambiguity = if direction.norm() < CURLED {
             Some("curls up: it has no one direction")
         } else if opposed >= CLOSE_SECOND * strongest.abs() {
@@ -90,5 +88,53 @@ impl Senses {
             None
         };
         Sense { sign, ambiguity }
+    }
+}
+
+/// Some voxels in a few numbers. Sums are of whole numbers: they are the same in any order.
+#[derive(Clone, Copy)]
+struct Extent {
+    voxels: usize,
+    /// Sums of the voxels' indices.
+    index_sums: [usize; 3],
+    /// Least and greatest x in the world.
+    low: f64,
+    high: f64,
+}
+
+impl Extent {
+    const NOTHING: Self = Self { voxels: 0, index_sums: [0; 3], low: f64::INFINITY, high: f64::NEG_INFINITY };
+
+    /// Of the voxels of a row that are in a set.
+    fn of_row(inside: &Grid<bool>, [j, k]: [usize; 2], world_from_work: &WorldFromVoxel) -> Self {
+        let start = inside.offset([0, j, k]);
+        let cells = &inside.as_slice()[start..start + inside.dims()[0]];
+        let mut extent = Self::NOTHING;
+        let (mut first, mut last) = (None, None);
+        for (i, is_in) in cells.iter().enumerate() {
+            if *is_in {
+                extent.voxels += 1;
+                extent.index_sums[0] += i;
+                first = first.or(Some(i));
+                last = Some(i);
+            }
+        }
+        extent.index_sums[1] = extent.voxels * j;
+        extent.index_sums[2] = extent.voxels * k;
+        for i in [first, last].into_iter().flatten() {
+            let x = world_from_work.point(centre([i, j, k])).x;
+            extent.low = extent.low.min(x);
+            extent.high = extent.high.max(x);
+        }
+        extent
+    }
+
+    fn add(&mut self, other: Self) {
+        self.voxels += other.voxels;
+        for (sum, more) in self.index_sums.iter_mut().zip(other.index_sums) {
+            *sum += more;
+        }
+        self.low = self.low.min(other.low);
+        self.high = self.high.max(other.high);
     }
 }

@@ -8,10 +8,12 @@ use crate::model::Refusal;
 use crate::numerics::field::floor_index;
 use crate::space::{Grid, WorldFromVoxel};
 
-/// Free voxels around the solid in the working grid: room for smoothing and for steps outside.
+/// Free voxels around the solid in the working grid: room for smoothing, which reaches 3 voxels, and for steps
+/// outside. With less the boundary would feel the edge of the grid; each more costs a layer of voxels on every side.
 const PADDING: usize = 4;
 /// Relative difference of spacings, and cosine between axes, up to which a grid counts as
-/// isotropic and orthogonal.
+/// isotropic and orthogonal: over a hundred voxels what it leaves out is half of one. Smaller, headers with rounded
+/// numbers would be resampled, which blurs; larger, lengths would be wrong by as much.
 const ISOTROPY_TOLERANCE: f64 = 5e-3;
 /// Voxels of a working grid: a little more than 512³. The stages take 16 bytes for each, and about a
 /// kilobyte for each voxel of the surface: a structure stays near 3 GB whatever `resolution_mm` asks
@@ -30,14 +32,13 @@ pub(super) struct WorkingGrid {
 }
 
 impl WorkingGrid {
+    /// The grid of the mask itself where it is isotropic, else one that is; with room around.
     pub fn plan(native: &NativeMask, resolution_mm: Option<f64>) -> Self {
         let (world_from_crop, size) = (native.world_from_voxel, native.mask.dims());
         let spacing = world_from_crop.spacing_mm();
         let voxel_mm = resolution_mm.unwrap_or(spacing.iter().copied().fold(f64::INFINITY, f64::min));
         let axes = Matrix3::from_fn(|r, c| world_from_crop.rows()[r][c] / spacing[c]);
-        let skew = (0..3).map(|a| axes.column(a).dot(&axes.column((a + 1) % 3)).abs()).fold(0.0, f64::max);
-        let uneven = spacing.iter().map(|s| (s / voxel_mm - 1.0).abs()).fold(0.0, f64::max);
-        if skew <= ISOTROPY_TOLERANCE && uneven <= ISOTROPY_TOLERANCE {
+        if is_isotropic(&axes, spacing.map(|s| s / voxel_mm)) {
             let extra = PADDING - 1;
             let world_from_work = world_from_crop.shifted_to(Vector3::repeat(-(extra as f64)));
             let dims = size.map(|n| n + 2 * extra);
@@ -48,39 +49,74 @@ impl WorkingGrid {
 
     /// An isotropic grid along the nearest orthogonal axes, with a box around the crop.
     fn isotropic(world_from_crop: WorldFromVoxel, size: [usize; 3], axes: &Matrix3<f64>, voxel_mm: f64) -> Self {
-        let svd = axes.svd(true, true);
-        let frame = match (svd.u, svd.v_t) {
-            (Some(u), Some(v_t)) => u * v_t,
-            _ => Matrix3::identity(),
-        };
+        let frame = nearest_rotation(axes);
         let (centred_crop, to_world) = at_origin(&world_from_crop);
-        let mut low = Vector3::repeat(f64::INFINITY);
-        let mut high = Vector3::repeat(f64::NEG_INFINITY);
-        for bits in 0..8 {
-            let corner =
-                Point3::from(Vector3::from_fn(|a, _| if bits >> a & 1 == 1 { (size[a] - 1) as f64 } else { 0.0 }));
-            let local = frame.transpose() * centred_crop.point(corner).coords / voxel_mm;
-            low = low.inf(&local);
-            high = high.sup(&local);
-        }
-        // A whole number of voxels is not to become one more by rounding.
-        let voxels = |extent: f64| floor_index((extent - 1e-6).ceil()) + 1;
-        let dims = std::array::from_fn(|a| voxels(high[a] - low[a]) + 2 * (PADDING - 1));
-        let origin = frame * (low - Vector3::repeat((PADDING - 1) as f64)) * voxel_mm;
-        let rows =
-            std::array::from_fn(|r| std::array::from_fn(|c| if c < 3 { frame[(r, c)] * voxel_mm } else { origin[r] }));
+        let (low, high) = extent(&centred_crop, size, &frame, voxel_mm);
+        let room = PADDING - 1;
+        let dims = [0, 1, 2].map(|a| whole_voxels(high[a] - low[a]) + 2 * room);
+        let origin = frame * (low - Vector3::repeat(room as f64)) * voxel_mm;
+        let axes_mm = frame * voxel_mm;
+        let rows = [0, 1, 2].map(|r| [axes_mm[(r, 0)], axes_mm[(r, 1)], axes_mm[(r, 2)], origin[r]]);
         let centred = WorldFromVoxel::from_rows(rows).expect("a rotation times a length spans space");
         Self { dims, voxel_mm, world_from_work: centred.translated(to_world), centred, is_native: false }
     }
 
+    /// Refuses a grid of too many voxels.
     pub fn check_size(&self) -> Result<(), Refusal> {
-        let voxels = self.dims.iter().map(|&n| n as u64).fold(1u64, u64::saturating_mul);
+        let mut voxels = 1u64;
+        for n in self.dims {
+            voxels = voxels.saturating_mul(n as u64);
+        }
         if voxels <= MAX_WORKING_VOXELS {
             return Ok(());
         }
         let resolution_mm = self.voxel_mm * (voxels as f64 / MAX_WORKING_VOXELS as f64).cbrt();
         Err(Refusal::TooLarge { voxels, allowed: MAX_WORKING_VOXELS, resolution_mm })
     }
+}
+
+/// Whether unit axes stand at right angles, and voxels have edges of 1, as nearly as a header says it.
+fn is_isotropic(axes: &Matrix3<f64>, edges: [f64; 3]) -> bool {
+    for (a, edge) in edges.into_iter().enumerate() {
+        let skew = axes.column(a).dot(&axes.column((a + 1) % 3)).abs();
+        if skew > ISOTROPY_TOLERANCE || (edge - 1.0).abs() > ISOTROPY_TOLERANCE {
+            return false;
+        }
+    }
+    true
+}
+
+/// The orthogonal axes nearest to some (polar decomposition).
+fn nearest_rotation(axes: &Matrix3<f64>) -> Matrix3<f64> {
+    let svd = axes.svd(true, true);
+    match (svd.u, svd.v_t) {
+        (Some(u), Some(v_t)) => u * v_t,
+        _ => Matrix3::identity(),
+    }
+}
+
+/// Least and greatest coordinates along a frame of a box of `size` voxels, in working voxels.
+fn extent(
+    mm_from_crop: &WorldFromVoxel,
+    size: [usize; 3],
+    frame: &Matrix3<f64>,
+    voxel_mm: f64,
+) -> (Vector3<f64>, Vector3<f64>) {
+    let mut low = Vector3::repeat(f64::INFINITY);
+    let mut high = Vector3::repeat(f64::NEG_INFINITY);
+    for bits in 0..8 {
+        let corner = [0, 1, 2].map(|a| if bits >> a & 1 == 1 { (size[a] - 1) as f64 } else { 0.0 });
+        let local = frame.transpose() * mm_from_crop.point(Point3::from(corner)).coords / voxel_mm;
+        low = low.inf(&local);
+        high = high.sup(&local);
+    }
+    (low, high)
+}
+
+/// Voxels that cover a length, one on both of its ends. A whole number is not to become one more by rounding, which
+/// makes less than a millionth.
+fn whole_voxels(extent: f64) -> usize {
+    floor_index((extent - 1e-6).ceil()) + 1
 }
 
 /// The same voxels with the first one at the world's origin, and the way back.

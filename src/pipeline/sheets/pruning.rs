@@ -1,0 +1,103 @@
+//! Step 4: sheets without which the others still account for the object.
+
+use std::collections::BTreeMap;
+
+use super::inscribed::Inscribed;
+use super::{NO_SHEET, sizes};
+use crate::cancel::{Cancel, Cancelled};
+use crate::params::Prune;
+use crate::pipeline::medial::MedialSurface;
+use crate::pipeline::solid::depth::Depth;
+
+/// Share of the object's volume that would be lost without a sheet, for it to stay (`auto`). Below it, sheets of noise
+/// and edges stay; above it, small branches that are part of a shape go.
+const AUTO_LOSS: f64 = 0.03;
+
+/// What a sheet needs to be kept.
+#[derive(Clone, Copy)]
+pub(super) struct Needed {
+    /// Share of the volume that would be lost without it.
+    pub loss: f64,
+    /// To be one of so many.
+    pub most: usize,
+}
+
+/// Share of the object's volume that would be lost without a sheet, for it to be kept.
+#[must_use]
+pub fn loss_needed(prune: Prune) -> f64 {
+    match prune {
+        Prune::Auto => AUTO_LOSS,
+        Prune::Strength(s) => s * s / (1.0 - s * s),
+    }
+}
+
+/// The strength of pruning that is used. A sheet needs a loss of s²/(1 − s²): none at 0, more than
+/// any sheet has at 1 (a loss is no true share: arms that stand far out lose more than the whole).
+#[must_use]
+pub fn strength(prune: Prune) -> f64 {
+    match prune {
+        Prune::Auto => (AUTO_LOSS / (1.0 + AUTO_LOSS)).sqrt(),
+        Prune::Strength(strength) => strength,
+    }
+}
+
+/// The sheet to prune next: the one whose loss is the smallest, if that is less than is needed or
+/// there are too many. `None` when all have evidence, or one is left.
+pub(super) fn weakest(
+    surface: &MedialSurface,
+    depth: &Depth,
+    label: &[u32],
+    needed: Needed,
+    cancel: &dyn Cancel,
+) -> Result<Option<u32>, Cancelled> {
+    let count = sizes(label).len();
+    if count < 2 {
+        return Ok(None);
+    }
+    let (mut weakest, mut least) = (None, f64::INFINITY);
+    for (sheet, loss) in losses(surface, depth, label, cancel)? {
+        // Of equals the last, which came last.
+        if loss <= least {
+            (weakest, least) = (Some(sheet), loss);
+        }
+    }
+    Ok(if count > needed.most || least < needed.loss { weakest } else { None })
+}
+
+/// For each sheet, the share of the object's volume that sticks out of the balls of all other
+/// sheets: the height of every skin point of the sheet above them, summed.
+fn losses(
+    surface: &MedialSurface,
+    depth: &Depth,
+    label: &[u32],
+    cancel: &dyn Cancel,
+) -> Result<BTreeMap<u32, f64>, Cancelled> {
+    let volume = depth.depth.as_slice().iter().filter(|below| **below > 0.0).count() as f64;
+    let mut losses = BTreeMap::new();
+    for (sheet, skin) in skin_of_sheets(surface, depth, label, cancel)? {
+        let others = Inscribed::of(surface, |p| ![NO_SHEET, sheet].contains(&label[p]), cancel)?;
+        let heights = others.heights(depth, &skin, cancel)?;
+        losses.insert(sheet, heights.into_iter().sum::<f64>() / volume.max(1.0));
+    }
+    Ok(losses)
+}
+
+/// The skin points of each sheet: those that a ball of it comes nearest to.
+fn skin_of_sheets(
+    surface: &MedialSurface,
+    depth: &Depth,
+    label: &[u32],
+    cancel: &dyn Cancel,
+) -> Result<BTreeMap<u32, Vec<usize>>, Cancelled> {
+    let mut skin_of = BTreeMap::new();
+    for sheet in sizes(label).into_keys() {
+        skin_of.insert(sheet, Vec::new());
+    }
+    let owners = Inscribed::of(surface, |p| label[p] != NO_SHEET, cancel)?.of_skin(depth, cancel)?;
+    for (s, owner) in owners.into_iter().enumerate() {
+        if let Some((p, _)) = owner {
+            skin_of.entry(label[p]).or_default().push(s);
+        }
+    }
+    Ok(skin_of)
+}
