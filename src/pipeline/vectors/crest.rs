@@ -22,7 +22,9 @@ pub struct Ahead {
 /// where other sheets are met.
 #[must_use]
 pub fn look_ahead(lattice: &Lattice, map: &SpaceFromPlane<'_>, hinge: &[Point3<f64>]) -> Vec<Ahead> {
-    /// A rim this near to a point of a hinge lies on it, voxels: hinge points lie on both sides.
+    /// A rim this near to a point of a hinge lies on it, voxels: hinge points lie on both sides. At 0.5 many are missed,
+    /// and twice as many crests run through other parts of the surface; at 4 free rims beside a hinge get no crest, and
+    /// the overlap with the mask is less by 0.01.
     const AT_HINGE: f64 = 1.5;
     let mut all = Vec::with_capacity(lattice.rim.len());
     for (n, rim) in ring(lattice.size).into_iter().zip(&lattice.rim) {
@@ -51,7 +53,8 @@ pub fn crest(level: &Field, size: LatticeSize, medial: &[Node], ahead: &[Ahead])
 /// Where the sheet, carried on outward past its rim in its own plane, meets the boundary. Where it meets other sheets
 /// instead, the crest is the rim itself.
 fn crest_point(level: &Field, node: &Node, ahead: &Ahead) -> Point3<f64> {
-    /// How far a crest at a hinge lies outside of its node at the least, voxels.
+    /// How far a crest at a hinge lies outside of its node at the least, voxels: a wedge must have a volume. Nothing else
+    /// hangs on it from 0.02 to 1.
     const LEAST: f64 = 0.25;
     let way = ahead.rim - node.position;
     if ahead.is_hinge {

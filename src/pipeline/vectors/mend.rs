@@ -13,11 +13,14 @@ use crate::cancel::{Cancel, Cancelled};
 use crate::model::ring;
 use crate::numerics::field::Field;
 
-/// Rounds of turning.
+/// Rounds of turning. On the structures of [`ROUNDS`](super::untangle::ROUNDS) 10 rounds cut a tenth more nodes short
+/// (268 against 244); 100 cut none less.
 const TURNS: usize = 40;
-/// Rounds after them in which crest vectors are shortened too.
+/// Rounds after them in which crest vectors are shortened too. Without them wedges of two more structures stay turned
+/// over; 60 mend nothing more.
 const CUTS: usize = 20;
-/// Rounds after which a crest vector is drawn straight outward as much as to its neighbours.
+/// Rounds after which a crest vector is drawn straight outward as much as to its neighbours. After 3 two more structures
+/// have wedges or cells that stay turned over; never outward, one more.
 const OUTWARD_AFTER: f64 = 10.0;
 
 /// What was done to a crest, by edge nodes (row-major).

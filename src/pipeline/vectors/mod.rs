@@ -2,13 +2,13 @@
 //! them.
 //!
 //! 1. Nodes are brought into space and paired with those of both sides. With `correspondence: "paper"` nodes of equal
-//!    (i, j) on three lattices are paired ([`paper`]). We leave the paper with `"anchored"`, the default: the nodes of
-//!    the medial lattice are carried to both sides along the spokes of its inscribed balls ([`anchored`], [`spokes`]),
+//!    (i, j) on three lattices are paired (`paper`). We leave the paper with `"anchored"`, the default: the nodes of
+//!    the medial lattice are carried to both sides along the spokes of its inscribed balls (`anchored`, `spokes`),
 //!    because the three lattices stretch differently and vectors between them lean.
-//! 2. The paper's vectors end at the rim of the sheet. Ours get a crest between both sides ([`crest`]), so that what
-//!    they fill is closed.
-//! 3. The paper says that vectors do not cross. We look ([`legality`]), and with `"anchored"` turn those that do
-//!    ([`spread`], [`untangle`], [`mend`]); what crosses whichever way it is turned is cut short ([`shorten`]).
+//! 2. The three meshes of the paper leave the rim open. Each node of the edge gets a crest point there (`crest`), so
+//!    that what the vectors fill is closed.
+//! 3. The paper's vectors are meant not to cross. We look ([`legality`]), and with `"anchored"` turn those that do
+//!    (`spread`, `untangle`, `mend`); what crosses whichever way it is turned is cut short (`shorten`).
 
 mod nodes;
 

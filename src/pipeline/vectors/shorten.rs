@@ -5,7 +5,8 @@ use std::collections::BTreeSet;
 use super::spread::Spread;
 use crate::cancel::Cancelled;
 
-/// What a vector is shortened to in a round.
+/// What a vector is shortened to in a round. At 0.95 the rounds are over while four of 33 structures still fold; at 0.7
+/// a fifth more nodes end short (288 against 244): more is cut than can be given back.
 pub const CUT: f64 = 0.85;
 
 impl Spread<'_> {
@@ -21,7 +22,7 @@ impl Spread<'_> {
 
     /// The greatest length, by halving, with which the cells around are legal; that it has, when it is none.
     fn lengthen_spoke(&mut self, side: usize, n: usize) {
-        /// Halvings of what was cut.
+        /// Halvings of what was cut. Without them 338 nodes end short instead of 244; twice as many make 5 nodes less.
         const HALVINGS: usize = 6;
         let mut low = self.lengths[side][n];
         self.let_reach(side, n);

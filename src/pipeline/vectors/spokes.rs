@@ -15,7 +15,8 @@ use crate::pipeline::sheets::sides::SheetSides;
 use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::depth::Depth;
 
-/// Slope of the radius at most: at 1 both spokes lie in the sheet.
+/// Slope of the radius at most: at 1 both spokes lie in the sheet. Nothing hangs on it but where the fit of the radius is
+/// rough: with 0.8 or 0.99 the overlap with the mask changes by 0.002.
 const MAX_SLOPE: f64 = 0.95;
 
 /// A sheet in its solid.
@@ -61,9 +62,11 @@ impl Body<'_> {
     /// A spoke's direction, or that of the foot itself when the spoke passes it by: at a concave edge, which
     /// a spoke a few degrees off misses.
     fn aimed(&self, node: &Node, direction: Vector3<f64>) -> Vector3<f64> {
-        /// Length in radii, and what is added in voxels, above which a spoke has missed its foot.
+        /// Length in radii, and what is added in voxels, above which a spoke has missed its foot. At 1.1 radii spokes are
+        /// turned that only lean, and a fifth more nodes have to be mended; at 3 there is one node more to cut short
+        /// where four sheets meet at right angles.
         const MISSED: (f64, f64) = (1.3, 1.0);
-        /// Cosine between the spoke and the foot at the least: 60°.
+        /// Cosine between the spoke and the foot at the least: 60°. Any foot between 37° and 78° does as well on scans.
         const SAME_SIDE: f64 = 0.5;
         if self.length(node, direction) <= MISSED.0 * node.value + MISSED.1 {
             return direction;
@@ -132,7 +135,8 @@ pub fn fan_out(spokes: &mut [Vec<Vector3<f64>>; 2], medial: &[Node], size: Latti
 /// them, and takes the one half way to the crest. Further from the rim it keeps its own.
 fn fanned(node: &Node, direction: Vector3<f64>, ahead: &Ahead) -> Vector3<f64> {
     /// Distances to the rim, in radii, up to which a node stands for the fan, and from which on it
-    /// does not.
+    /// does not. Nearer (0 or 0.5), less of the ends is covered and a few nodes more are cut short; further, more is, but
+    /// (1.5) spokes lean that are not of the rim, and cross.
     const NEAR: f64 = 0.25;
     const FAR: f64 = 0.75;
     let far = ((ahead.rim - node.position).norm() / node.value.max(1e-6) - NEAR) / (FAR - NEAR);

@@ -14,7 +14,10 @@ use crate::model::{LatticeSize, PerSurface};
 use crate::pipeline::lattice::Lattice;
 use crate::pipeline::lattice::map::Node;
 
-/// Least Jacobian of a legal corner, as a share of the volume its edges would span at right angles.
+/// Least Jacobian of a legal place, as a share of the volume its edges would span at right angles. At 0 cells stay that
+/// are nearly flat: one structure more folds, and two thirds more pairs of triangles run through each other (216 against
+/// 130). At 0.1 three times as many nodes are cut short (698 against 244). What is counted: see
+/// [`ROUNDS`](super::untangle::ROUNDS).
 const LEAST: f64 = 0.02;
 
 /// What nodes and spokes lie in.

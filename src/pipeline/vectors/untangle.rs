@@ -18,7 +18,7 @@ use crate::model::ring;
 
 /// What is done in a round against crossing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Means {
+pub(super) enum Means {
     /// Directions are turned.
     Turn,
     /// Nodes are moved along the sheet too.
@@ -29,8 +29,12 @@ enum Means {
     Cut,
 }
 
-/// Rounds of each.
-const ROUNDS: [(Means, usize); 4] = [(Means::Turn, 40), (Means::Slide, 10), (Means::Lift, 40), (Means::Cut, 20)];
+/// Rounds of each. Tried on 36 structures of two body scans with 12 × 20 nodes, three of which fold whatever is done;
+/// of the other 33, 244 nodes are cut short. With 10 rounds of turning it is 264; without sliding 261, and half more
+/// pairs of triangles run through each other; without lifting 389, and four fold; with 5 rounds of cutting three fold.
+/// Twice to four times the rounds of any save three nodes at most.
+pub(super) const ROUNDS: [(Means, usize); 4] =
+    [(Means::Turn, 40), (Means::Slide, 10), (Means::Lift, 40), (Means::Cut, 20)];
 
 impl Spread<'_> {
     /// Turns, moves and shortens until nothing is illegal, or the rounds are over. Returns how many
