@@ -11,6 +11,15 @@ pub struct LatticeSize {
     pub cols: usize,
 }
 
+impl LatticeSize {
+    /// The nodes of a quad as row-major offsets `[(i, j), (i, j+1), (i+1, j), (i+1, j+1)]`.
+    #[must_use]
+    pub fn quad(self, i: usize, j: usize) -> [usize; 4] {
+        let first = i * self.cols + j;
+        [first, first + 1, first + self.cols, first + self.cols + 1]
+    }
+}
+
 /// The nodes round the edge of a lattice as row-major offsets: (0,0)…(0,M−1), (1,M−1)…(N−1,M−1),
 /// (N−1,M−2)…(N−1,0), (N−2,0)…(1,0).
 #[must_use]

@@ -4,6 +4,8 @@ use std::borrow::Cow;
 
 use serde::{Deserialize, Serialize};
 
+use crate::numerics::stats::{mean, percentile};
+
 use super::side::{PerSurface, Side};
 
 /// Surface distances, mm.
@@ -71,8 +73,7 @@ impl MeanAndP95 {
     #[must_use]
     pub fn of(mut values: Vec<f64>) -> Self {
         values.sort_by(f64::total_cmp);
-        let Some(last) = values.len().checked_sub(1) else { return Self::default() };
-        Self { mean: values.iter().sum::<f64>() / values.len() as f64, p95: values[last * 95 / 100] }
+        Self { mean: mean(&values).unwrap_or(0.0), p95: percentile(&values, 95).unwrap_or(0.0) }
     }
 }
 

@@ -52,6 +52,14 @@ pub struct Quad {
     pub nodes: [usize; 4],
 }
 
+impl Quad {
+    /// What its nodes have, of an array with an entry for each node of the lattice.
+    #[must_use]
+    pub fn corners<T: Copy>(&self, of: &[T]) -> [T; 4] {
+        self.nodes.map(|n| of[n])
+    }
+}
+
 /// A step along the edge of the lattice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EdgeStep {
@@ -77,8 +85,7 @@ impl<'a> Shell<'a> {
         if i + 1 >= rows || j + 1 >= cols {
             return None;
         }
-        let a = i * cols + j;
-        let nodes = [a, a + 1, a + cols, a + cols + 1];
+        let nodes = self.size.quad(i, j);
         nodes.iter().all(|&n| self.valid[n]).then_some(Quad { i, j, nodes })
     }
 

@@ -71,7 +71,7 @@ fn transform(
         squared.as_mut_slice()[offset] = 0.0;
         seed.as_mut_slice()[offset] = id(number);
     }
-    let [nx, ny, nz] = dims;
+    let nx = dims[0];
     let rows = squared.as_mut_slice().par_chunks_mut(nx).zip(seed.as_mut_slice().par_chunks_mut(nx));
     rows.enumerate().with_min_len(64).try_for_each(|(n, (squared, seed))| {
         cancel.check()?;
@@ -79,19 +79,9 @@ fn transform(
         Ok(())
     })?;
     for axis in [1, 2] {
+        let across = Across { axis, dims, spacing: spacing[axis], set, cancel };
         let groups = squared.rows_across(axis).into_par_iter().zip(seed.rows_across(axis));
-        groups.enumerate().try_for_each(|(n, (mut squared, mut seed))| {
-            let row = |line: usize| if axis == 1 { line + ny * n } else { n + ny * line };
-            let mut lines = Lines::new(if axis == 1 { ny } else { nz }, spacing[axis]);
-            for from in (0..nx).step_by(LINES) {
-                cancel.check()?;
-                let taken = from..(from + LINES).min(nx);
-                lines.work_on(&mut squared, &mut seed, taken, |line, x| {
-                    set.is_none_or(|set| set.as_slice()[row(line) * nx + x])
-                });
-            }
-            Ok(())
-        })?;
+        groups.enumerate().try_for_each(|(n, (mut squared, mut seed))| across.work_on(n, &mut squared, &mut seed))?;
     }
     Ok(Nearest { squared, seed })
 }
@@ -125,6 +115,33 @@ fn along_row(squared: &mut [f32], seed: &mut [u32], spacing: f64, is_in: impl Fn
         {
             (squared[x], seed[x]) = (distance(x, at), number);
         }
+    }
+}
+
+/// The lines along an axis that is not that of the rows.
+struct Across<'a> {
+    axis: usize,
+    dims: [usize; 3],
+    spacing: f64,
+    /// Where lines are cut.
+    set: Option<&'a Grid<bool>>,
+    cancel: &'a dyn Cancel,
+}
+
+impl Across<'_> {
+    /// Works on the lines across the rows of group `n`: of a plane along the second axis, of an upright one along the third.
+    fn work_on(&self, n: usize, squared: &mut [&mut [f32]], seed: &mut [&mut [u32]]) -> Result<(), Cancelled> {
+        let [nx, ny, _] = self.dims;
+        let mut lines = Lines::new(self.dims[self.axis], self.spacing);
+        for from in (0..nx).step_by(LINES) {
+            self.cancel.check()?;
+            let taken = from..(from + LINES).min(nx);
+            lines.work_on(squared, seed, taken, |line, x| {
+                let row = if self.axis == 1 { line + ny * n } else { n + ny * line };
+                self.set.is_none_or(|set| set.as_slice()[row * nx + x])
+            });
+        }
+        Ok(())
     }
 }
 

@@ -1,5 +1,7 @@
 //! Triangle meshes: volume, and places where a mesh runs through itself.
 
+use std::cmp::Ordering;
+
 use nalgebra::{Point3, Vector3};
 
 use super::field::id;
@@ -11,11 +13,12 @@ use crate::cancel::{Cancel, Cancelled};
 pub fn volume(positions: &[Point3<f64>], triangles: &[[u32; 3]]) -> f64 {
     // Measured from a point of the mesh, so that nothing is lost far from the origin.
     let Some(origin) = positions.first() else { return 0.0 };
-    let cone = |t: &[u32; 3]| {
-        let [a, b, c] = t.map(|n| positions[n as usize] - origin);
-        a.cross(&b).dot(&c)
-    };
-    triangles.iter().map(cone).sum::<f64>() / 6.0
+    let mut sixfold = 0.0;
+    for triangle in triangles {
+        let [a, b, c] = triangle.map(|n| positions[n as usize] - origin);
+        sixfold += a.cross(&b).dot(&c);
+    }
+    sixfold / 6.0
 }
 
 /// Pairs of triangles that share no corner and run through each other. Triangles that only
@@ -30,21 +33,33 @@ pub fn self_intersections(
 ) -> Result<usize, Cancelled> {
     let corners: Vec<Corners> = triangles.iter().map(|t| t.map(|n| positions[n as usize])).collect();
     let tree = BoxTree::new(&corners, cancel)?;
-    let meets = |a: usize, b: usize| {
-        let is_apart = triangles[a].iter().all(|n| !triangles[b].contains(n));
-        is_apart && do_cross(&corners[a], &corners[b])
-    };
-    let met = |a: usize| cancel.check().map(|()| tree.overlapping(&Bounds::of(&corners[a]), |b| b > a && meets(a, b)));
-    (0..corners.len()).map(met).sum()
+    let mut count = 0;
+    for (a, own) in corners.iter().enumerate() {
+        cancel.check()?;
+        for b in tree.overlapping(&Bounds::of(own)) {
+            let is_met = b > a && are_apart(triangles[a], triangles[b]) && do_cross(own, &corners[b]);
+            count += usize::from(is_met);
+        }
+    }
+    Ok(count)
 }
 
 type Corners = [Point3<f64>; 3];
 
+/// Whether two triangles share no corner.
+fn are_apart(a: [u32; 3], b: [u32; 3]) -> bool {
+    a.iter().all(|n| !b.contains(n))
+}
+
 /// Whether an edge of one triangle passes through the other. Two triangles in different planes
 /// meet in a segment each end of which lies on such an edge.
 fn do_cross(a: &Corners, b: &Corners) -> bool {
-    let pierces = |from: &Corners, through: &Corners| (0..3).any(|k| pierces(from[k], from[(k + 1) % 3], through));
-    pierces(a, b) || pierces(b, a)
+    for (from, to) in [(0, 1), (1, 2), (2, 0)] {
+        if pierces(a[from], a[to], b) || pierces(b[from], b[to], a) {
+            return true;
+        }
+    }
+    false
 }
 
 /// Whether the segment from `p` to `q` has its ends strictly on both sides of a triangle's plane
@@ -55,9 +70,8 @@ fn pierces(p: Point3<f64>, q: Point3<f64>, [a, b, c]: &Corners) -> bool {
     if above * below >= 0.0 || above.is_nan() || below.is_nan() {
         return false;
     }
-    let way = q - p;
-    let turn = |from: &Point3<f64>, to: &Point3<f64>| way.dot(&(from - p).cross(&(to - p)));
-    let turns = [turn(a, b), turn(b, c), turn(c, a)];
+    let (way, [a, b, c]) = (q - p, [a - p, b - p, c - p]);
+    let turns = [way.dot(&a.cross(&b)), way.dot(&b.cross(&c)), way.dot(&c.cross(&a))];
     turns.iter().all(|t| *t >= 0.0) || turns.iter().all(|t| *t <= 0.0)
 }
 
@@ -112,42 +126,50 @@ impl BoxTree {
         Ok(tree)
     }
 
-    /// Adds the node of a range and all below it. Halving keeps the depth below 64.
+    /// Adds the node of a range, which must not be empty, and all below it. Halving keeps the depth below 64.
     fn add(&mut self, start: usize, end: usize, cancel: &dyn Cancel) -> Result<usize, Cancelled> {
         cancel.check()?;
-        let each = self.order[start..end].iter().map(|&t| self.bounds[t as usize]);
-        let Some(bounds) = each.reduce(Bounds::and) else { return Ok(0) };
+        let mut bounds = self.bounds[self.order[start] as usize];
+        for &triangle in &self.order[start + 1..end] {
+            bounds = bounds.and(self.bounds[triangle as usize]);
+        }
         let place = self.nodes.len();
         self.nodes.push(BoxNode { bounds, start, end, halves: None });
         if end - start > Self::LEAF {
             let axis = (bounds.high - bounds.low).imax();
             let middle = start.midpoint(end);
-            let known = &self.bounds;
-            let key = |t: &u32| known[*t as usize].low[axis] + known[*t as usize].high[axis];
-            self.order[start..end]
-                .select_nth_unstable_by(middle - start, |a, b| key(a).total_cmp(&key(b)).then(a.cmp(b)));
+            let (order, known) = (&mut self.order[start..end], &self.bounds);
+            order.select_nth_unstable_by(middle - start, |a, b| by_middle(known, axis, *a, *b));
             let halves = [self.add(start, middle, cancel)?, self.add(middle, end, cancel)?];
             self.nodes[place].halves = Some(halves);
         }
         Ok(place)
     }
 
-    /// How many triangles with a box that overlaps `with` are `wanted`.
-    fn overlapping(&self, with: &Bounds, wanted: impl Fn(usize) -> bool) -> usize {
-        let mut count = 0;
+    /// Triangles with a box that overlaps another.
+    fn overlapping(&self, with: &Bounds) -> Vec<usize> {
+        let mut found = Vec::new();
         let mut stack = vec![0];
         while let Some(place) = stack.pop() {
             let Some(node) = self.nodes.get(place).filter(|node| node.bounds.overlaps(with)) else { continue };
-            match node.halves {
-                Some(halves) => stack.extend(halves),
-                None => {
-                    let triangles = self.order[node.start..node.end].iter().map(|&t| t as usize);
-                    count += triangles.filter(|&t| self.bounds[t].overlaps(with) && wanted(t)).count();
+            if let Some(halves) = node.halves {
+                stack.extend(halves);
+                continue;
+            }
+            for &triangle in &self.order[node.start..node.end] {
+                if self.bounds[triangle as usize].overlaps(with) {
+                    found.push(triangle as usize);
                 }
             }
         }
-        count
+        found
     }
+}
+
+/// The order of two boxes by their middles along an axis, of equal ones by their numbers.
+fn by_middle(bounds: &[Bounds], axis: usize, a: u32, b: u32) -> Ordering {
+    let [own, other] = [a, b].map(|n| bounds[n as usize].low[axis] + bounds[n as usize].high[axis]);
+    own.total_cmp(&other).then(a.cmp(&b))
 }
 
 #[cfg(test)]

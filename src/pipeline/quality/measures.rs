@@ -1,29 +1,34 @@
-//! Stage 8, third part: how even and how well centred a lattice is.
+//! Stage 8, third part: how even a lattice is, in space and against its plane.
 
-use nalgebra::{Point2, Point3, Vector3};
-use rayon::prelude::*;
+use nalgebra::{Point2, Point3};
 
-use crate::cancel::{Cancel, Cancelled};
-use crate::model::LatticeSize;
-use crate::model::{Distortion, MeanAndP95};
-use crate::model::{Quad, Shell, quad_area};
-use crate::pipeline::quality::coverage::SkinSearch;
+use crate::model::{Distortion, LatticeSize, Quad, Shell, quad_area};
 use crate::pipeline::vectors::Nodes;
 
 /// Mean over lattice lines, rows and columns alike, of the coefficient of variation of their
 /// edge lengths.
 #[must_use]
 pub fn spacing_variation(size: LatticeSize, nodes: &[Point3<f64>]) -> f64 {
-    let line = |indices: Vec<usize>| {
-        let edges: Vec<f64> = indices.windows(2).map(|p| (nodes[p[1]] - nodes[p[0]]).norm()).collect();
-        let mean = edges.iter().sum::<f64>() / edges.len() as f64;
-        let variance = edges.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / edges.len() as f64;
-        variance.sqrt() / mean.max(1e-12)
-    };
     let LatticeSize { rows, cols } = size;
-    let along: f64 = (0..rows).map(|i| line((0..cols).map(|j| i * cols + j).collect())).sum();
-    let across: f64 = (0..cols).map(|j| line((0..rows).map(|i| i * cols + j).collect())).sum();
+    let (mut along, mut across) = (0.0, 0.0);
+    for i in 0..rows {
+        along += line_variation(&nodes[i * cols..], 1, cols);
+    }
+    for j in 0..cols {
+        across += line_variation(&nodes[j..], cols, rows);
+    }
     (along / rows as f64 + across / cols as f64) / 2.0
+}
+
+/// Coefficient of variation of the edge lengths of a line of `count` nodes, every `step`th from the first on.
+fn line_variation(nodes: &[Point3<f64>], step: usize, count: usize) -> f64 {
+    let mut edges = Vec::with_capacity(count);
+    for n in 1..count {
+        edges.push((nodes[n * step] - nodes[(n - 1) * step]).norm());
+    }
+    let mean = edges.iter().sum::<f64>() / edges.len() as f64;
+    let variance = edges.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / edges.len() as f64;
+    variance.sqrt() / mean.max(1e-12)
 }
 
 /// The medial quads of a figure in space and in the intrinsic plane.
@@ -50,11 +55,15 @@ impl<'a> FlatQuads<'a> {
     /// Those of `shell`, `plane` being the plane coordinates of its medial nodes, in any unit.
     #[must_use]
     pub fn of(shell: Shell<'a>, plane: &[Point2<f64>]) -> Self {
-        let (space, quads) = (shell.medial, shell.quads().collect::<Vec<Quad>>());
+        let space = shell.medial;
         let plane: Vec<Point3<f64>> = plane.iter().map(|p| Point3::new(p.x, p.y, 0.0)).collect();
-        let area_in = |points: &[Point3<f64>], quad: &Quad| quad_area(quad.nodes.map(|n| points[n]));
-        let areas: Vec<_> = quads.iter().map(|quad| [area_in(space, quad), area_in(&plane, quad)]).collect();
-        let whole = areas.iter().fold([0.0; 2], |sum, a| [sum[0] + a[0], sum[1] + a[1]]);
+        let quads: Vec<Quad> = shell.quads().collect();
+        let (mut areas, mut whole) = (Vec::with_capacity(quads.len()), [0.0; 2]);
+        for quad in &quads {
+            let [in_space, in_plane] = [quad_area(quad.corners(space)), quad_area(quad.corners(&plane))];
+            areas.push([in_space, in_plane]);
+            whole = [whole[0] + in_space, whole[1] + in_plane];
+        }
         Self { space, plane, quads, areas, whole }
     }
 
@@ -78,7 +87,10 @@ impl<'a> FlatQuads<'a> {
             result.area_max_log = worse(result.area_max_log, ratio.ln().abs());
         }
         result.area_sd = worse(0.0, variance.sqrt());
-        let angles: Vec<f64> = self.quads.iter().flat_map(|q| corner_turns(self.space, &self.plane, q)).collect();
+        let mut angles = Vec::with_capacity(4 * self.quads.len());
+        for quad in &self.quads {
+            angles.extend(corner_turns(quad.corners(self.space), quad.corners(&self.plane)));
+        }
         result.angle_mean_deg = angles.iter().sum::<f64>() / angles.len().max(1) as f64;
         result.angle_max_deg = angles.iter().copied().fold(0.0, worse);
         result
@@ -107,57 +119,12 @@ pub(super) fn worse(a: f64, b: f64) -> f64 {
 
 /// At the four corners of a quad: by how many degrees the angle between the lattice directions
 /// differs from that in the plane.
-fn corner_turns(space: &[Point3<f64>], plane: &[Point3<f64>], quad: &Quad) -> [f64; 4] {
-    let angle = |points: &[Point3<f64>], k: usize| {
-        let at = |k: usize| points[quad.nodes[k]];
-        (at(2 | (k & 1)) - at(k & 1)).angle(&(at((k & 2) | 1) - at(k & 2)))
-    };
-    [0, 1, 2, 3].map(|k| (angle(space, k) - angle(plane, k)).abs().to_degrees())
+fn corner_turns(space: [Point3<f64>; 4], plane: [Point3<f64>; 4]) -> [f64; 4] {
+    [0, 1, 2, 3].map(|k| (corner_angle(space, k) - corner_angle(plane, k)).abs().to_degrees())
 }
 
-/// How far the medial nodes are from the middle: |a − b| / (a + b), with a and b the distances
-/// to the nearest skin on the one and on the other side of the sheet that faces away from it
-/// within 60° of its normal: a blunt rim is as near on both sides and says nothing. Zero of a perfect medial sheet, one of
-/// a node on the skin or outside. The vectors are not used: they need not be the shortest way.
-///
-/// # Errors
-/// When it is cancelled.
-pub fn medial_offset(nodes: &Nodes, skin: &SkinSearch<'_>, cancel: &dyn Cancel) -> Result<MeanAndP95, Cancelled> {
-    /// Cosine of 60°, the angle at which skin stops to be crest in the stage of the sides, too.
-    const FACING_COSINE: f64 = 0.5;
-    /// Nodes looked at; more say nothing new and cost time.
-    const MOST: usize = 2000;
-    let valid: Vec<usize> = (0..nodes.medial.len()).filter(|&n| nodes.valid[n]).collect();
-    let step = valid.len().div_ceil(MOST).max(1);
-    let offset = |node: usize| {
-        let at = nodes.medial[node];
-        let [up, down] = [nodes.upper[node] - at, nodes.lower[node] - at];
-        let normal = normal(nodes, node).unwrap_or(up - down);
-        // The surface nodes lie on the skin; the nearest that faces away is not much further off.
-        let reach = 2.0 * up.norm().max(down.norm()) + 2.0;
-        let mut sides = [f64::INFINITY; 2];
-        for skin in skin.within(at, reach) {
-            let side = usize::from((skin.position - at).dot(&normal) < 0.0);
-            let facing = skin.normal.dot(&normal) / normal.norm() * [1.0, -1.0][side];
-            if facing >= FACING_COSINE {
-                sides[side] = sides[side].min(skin.distance(at));
-            }
-        }
-        let has_both = sides.iter().all(|s| s.is_finite());
-        // Without skin on one of the sides it is on the other.
-        if has_both { (sides[0] - sides[1]).abs() / (sides[0] + sides[1]).max(1e-12) } else { 1.0 }
-    };
-    let offset = |&node: &usize| cancel.check().map(|()| offset(node));
-    Ok(MeanAndP95::of(valid.par_iter().step_by(step).map(offset).collect::<Result<_, _>>()?))
-}
-
-/// Normal of the medial lattice at a node, of any sign and length.
-fn normal(nodes: &Nodes, node: usize) -> Option<Vector3<f64>> {
-    let LatticeSize { rows, cols } = nodes.size;
-    let (i, j) = (node / cols, node % cols);
-    let at = |i: usize, j: usize| nodes.medial[i * cols + j];
-    let along_i = at((i + 1).min(rows - 1), j) - at(i.saturating_sub(1), j);
-    let along_j = at(i, (j + 1).min(cols - 1)) - at(i, j.saturating_sub(1));
-    let normal = along_i.cross(&along_j);
-    (normal.norm() > 1e-9).then_some(normal)
+/// The angle between the lattice directions at a corner of a quad.
+fn corner_angle(quad: [Point3<f64>; 4], k: usize) -> f64 {
+    let (along_i, along_j) = (quad[2 | (k & 1)] - quad[k & 1], quad[(k & 2) | 1] - quad[k & 2]);
+    along_i.angle(&along_j)
 }

@@ -1,27 +1,47 @@
-//! Stage 8: how far a result can be trusted. Everything is measured on the nodes that are handed
-//! out, against the mask on the working grid.
+//! Stage 8, which the paper has not: how far a result can be trusted. Everything is measured on the nodes that are
+//! handed out, against the mask on the working grid.
+//!
+//! 1. Legality of every cell and wedge ([`legality`]) and self-intersections of the closed surface.
+//! 2. Fit: the solid that they fill against the mask (`coverage`), each figure against its share of it (`owners`).
+//! 3. Evenness of the lattice, and what its plane does to areas and angles (`measures`).
+//! 4. How well centred the medial nodes are (`centring`).
+//! 5. Of all figures of a structure, sums and the worst (`sums`).
+//! 6. The verdict, from a table of thresholds (`verdict`).
 
-pub mod coverage;
+mod coverage;
+
+mod overlap;
+
+mod fill;
+
+mod owners;
+
+mod samples;
+
+mod search;
 
 pub mod measures;
 
+mod centring;
+
+mod sums;
+
 pub mod verdict;
 
-use crate::numerics::triangles::self_intersections;
-
 use crate::cancel::{Cancel, Cancelled};
-use crate::model::Shell;
-use crate::model::closed;
 use crate::model::{
-    Distortion, EmbeddingQuality, FigureQuality, LatticePlace, MeanAndP95, PerSurface, Repair, Side, StructureQuality,
-    TriangleMesh,
+    EmbeddingQuality, FigureQuality, LatticePlace, PerSurface, Repair, Shell, Side, StructureQuality, closed,
 };
+use crate::numerics::triangles::self_intersections;
 use crate::pipeline::context::Context;
 use crate::pipeline::draft::Draft;
 use crate::pipeline::plane::Flat;
 use crate::pipeline::plane::tangents::PlaneDistortion;
-use crate::pipeline::quality::coverage::{SkinSearch, coverage};
-use crate::pipeline::quality::measures::{FlatQuads, medial_offset, spacing_variation, worse};
+use crate::pipeline::quality::centring::medial_offset;
+use crate::pipeline::quality::coverage::coverage;
+use crate::pipeline::quality::measures::{FlatQuads, spacing_variation};
+use crate::pipeline::quality::search::SkinSearch;
+use crate::pipeline::quality::sums::summed;
 use crate::pipeline::quality::verdict::judge;
 use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::depth::Depth;
@@ -82,33 +102,49 @@ pub fn figure_quality(draft: &Draft, cancel: &dyn Cancel) -> Result<FigureQualit
     };
     let shell = Shell::from(nodes);
     let legality = legality(shell);
-    let named = |is_wedge: bool| {
-        let parts = legality.parts.iter().filter(|p| p.part.is_wedge() == is_wedge);
-        parts
-            .map(|&Illegal { part, i, j, .. }| LatticePlace {
-                side: if part.is_upper() { Side::Upper } else { Side::Lower },
-                i,
-                j,
-            })
-            .collect()
-    };
     cancel.check()?;
-    let crossings = |mesh: TriangleMesh| self_intersections(&mesh.positions, &mesh.triangles, cancel);
     let is_untouched = repair.moved_nodes == 0;
     Ok(FigureQuality {
         embedding,
         folds: legality.folds,
         corners: legality.corners,
-        folded_cells: named(false),
+        folded_cells: places(&legality.parts, false),
         folded_centres: legality.folded_centres,
-        folded_wedges: named(true),
+        folded_wedges: places(&legality.parts, true),
         repair: if is_untouched { Repair { folds_before: legality.folds, ..Repair::default() } } else { repair },
-        self_intersections: closed(shell).map(crossings).transpose()?,
+        self_intersections: crossings(shell, cancel)?,
         spacing_variation: spacing_variation(nodes.size, &nodes.medial),
         distortion: quads.distortion(),
         valid_share: nodes.valid.iter().filter(|v| **v).count() as f64 / nodes.valid.len().max(1) as f64,
         ..FigureQuality::default()
     })
+}
+
+/// How truly a surface was laid flat; `None` of a side that takes its coordinates from the sheet.
+fn embedding_quality(flat: &Flat, distortion: Option<PlaneDistortion>) -> Option<EmbeddingQuality> {
+    let embedded = flat.embedded?;
+    Some(EmbeddingQuality {
+        residual_variance: embedded.residual_variance,
+        turned_over: distortion.map(|distortion| distortion.turned_over),
+        angle_error_deg: distortion.map(|distortion| distortion.angle_error_deg),
+    })
+}
+
+/// Where the cells, or the wedges, among illegal parts are.
+fn places(parts: &[Illegal], are_wedges: bool) -> Vec<LatticePlace> {
+    let mut places = Vec::new();
+    for &Illegal { part, i, j, .. } in parts {
+        if part.is_wedge() == are_wedges {
+            places.push(LatticePlace { side: if part.is_upper() { Side::Upper } else { Side::Lower }, i, j });
+        }
+    }
+    places
+}
+
+/// Pairs of triangles of the closed surface that run through each other; `None` without a closed surface.
+fn crossings(shell: Shell<'_>, cancel: &dyn Cancel) -> Result<Option<usize>, Cancelled> {
+    let Some(mesh) = closed(shell) else { return Ok(None) };
+    self_intersections(&mesh.positions, &mesh.triangles, cancel).map(Some)
 }
 
 /// Quality of a structure from all its figures; what is measured against the mask is added to
@@ -129,59 +165,4 @@ fn structure_quality(
     let mut quality = StructureQuality { coverage: whole, ..summed(qualities) };
     judge(&mut quality, qualities, solid.voxel_mm);
     Ok(quality)
-}
-
-/// Sums of what is counted, the worst figure of what is measured.
-fn summed(figures: &[FigureQuality]) -> StructureQuality {
-    let sum = |of: &dyn Fn(&FigureQuality) -> usize| figures.iter().map(of).sum::<usize>();
-    let largest = |of: &dyn Fn(&FigureQuality) -> f64| worst(figures, of);
-    StructureQuality {
-        folds: sum(&|f| f.folds),
-        folded_centres: sum(&|f| f.folded_centres),
-        folded_wedges: sum(&|f| f.folded_wedges.len()),
-        repair: Repair {
-            folds_before: sum(&|f| f.repair.folds_before),
-            moved_nodes: sum(&|f| f.repair.moved_nodes),
-            shortened_nodes: sum(&|f| f.repair.shortened_nodes),
-        },
-        self_intersections: figures.iter().filter_map(|f| f.self_intersections).reduce(|a, b| a + b),
-        residual_variance: of_planes(figures, |plane| Some(plane.residual_variance)).unwrap_or(0.0),
-        turned_over: of_planes(figures, |plane| plane.turned_over),
-        spacing_variation: largest(&|f| f.spacing_variation),
-        distortion: Distortion {
-            area_sd: largest(&|f| f.distortion.area_sd),
-            area_max_log: largest(&|f| f.distortion.area_max_log),
-            angle_mean_deg: largest(&|f| f.distortion.angle_mean_deg),
-            angle_max_deg: largest(&|f| f.distortion.angle_max_deg),
-        },
-        medial_offset: MeanAndP95 { mean: largest(&|f| f.medial_offset.mean), p95: largest(&|f| f.medial_offset.p95) },
-        ..StructureQuality::default()
-    }
-}
-
-/// How truly a surface was laid flat; `None` of a side that takes its coordinates from the sheet.
-fn embedding_quality(flat: &Flat, distortion: Option<PlaneDistortion>) -> Option<EmbeddingQuality> {
-    flat.embedded.map(|embedded| EmbeddingQuality {
-        residual_variance: embedded.residual_variance,
-        turned_over: distortion.map(|distortion| distortion.turned_over),
-        angle_error_deg: distortion.map(|distortion| distortion.angle_error_deg),
-    })
-}
-
-/// The largest of a measure over all planes that have it.
-fn of_planes(figures: &[FigureQuality], of: impl Fn(&EmbeddingQuality) -> Option<f64>) -> Option<f64> {
-    let mut largest: Option<f64> = None;
-    for figure in figures {
-        for (_, plane) in figure.embedding.named() {
-            if let Some(value) = plane.as_ref().and_then(&of) {
-                largest = Some(worse(largest.unwrap_or(0.0), value));
-            }
-        }
-    }
-    largest
-}
-
-/// The largest of a measure over figures.
-pub(super) fn worst(figures: &[FigureQuality], of: impl Fn(&FigureQuality) -> f64) -> f64 {
-    figures.iter().map(of).fold(0.0, worse)
 }

@@ -103,18 +103,23 @@ pub fn legality(shell: Shell<'_>) -> Legality {
             let jacobians = cell_jacobians(shell, is_upper, quad);
             found.checked += jacobians.len();
             found.corners += jacobians.len() - 1;
-            let cell = judged_cell(shell, found.orientation, is_upper, quad);
-            found.folds += cell.map_or(0, |c| c.corners);
-            found.folded_centres += usize::from(cell.is_some_and(|c| c.is_centre_bad));
-            found.parts.extend(cell);
+            let expected = expected(found.orientation, is_upper);
+            if let Some(cell) = judged(&jacobians.map(Some), expected, Part::cell(is_upper), (quad.i, quad.j)) {
+                found.folds += cell.corners;
+                found.folded_centres += usize::from(cell.is_centre_bad);
+                found.parts.push(cell);
+            }
         }
     }
     for is_upper in [true, false] {
         for step in shell.edge_steps() {
-            found.checked += wedge_jacobians(shell, is_upper, step).iter().flatten().count();
-            let wedge = judged_wedge(shell, found.orientation, is_upper, step);
-            found.folded_wedges += usize::from(wedge.is_some());
-            found.parts.extend(wedge);
+            let jacobians = wedge_jacobians(shell, is_upper, step);
+            found.checked += jacobians.iter().flatten().count();
+            let at = (step.nodes[0] / shell.size.cols, step.nodes[0] % shell.size.cols);
+            if let Some(wedge) = judged(&jacobians, expected(found.orientation, is_upper), Part::wedge(is_upper), at) {
+                found.folded_wedges += 1;
+                found.parts.push(wedge);
+            }
         }
     }
     found
@@ -125,58 +130,56 @@ pub fn legality(shell: Shell<'_>) -> Legality {
 /// named.
 #[must_use]
 pub fn orientation(shell: Shell<'_>) -> f64 {
-    let votes = |is_upper: bool| {
-        let signs = shell.quads().flat_map(|quad| cell_jacobians(shell, is_upper, quad));
-        signs.map(|j| i64::from(j > 0.0) - i64::from(j < 0.0)).sum::<i64>()
-    };
-    let (upper, lower) = (votes(true), votes(false));
+    let (upper, lower) = (positive_less_negative(shell, true), positive_less_negative(shell, false));
     let decided = if upper == lower { upper } else { upper - lower };
     if decided >= 0 { 1.0 } else { -1.0 }
 }
 
-fn judged_cell(shell: Shell<'_>, orientation: f64, is_upper: bool, quad: Quad) -> Option<Illegal> {
-    let jacobians = cell_jacobians(shell, is_upper, quad).map(Some);
-    judged(&jacobians, expected(orientation, is_upper), Part::cell(is_upper), (quad.i, quad.j))
-}
-
-fn judged_wedge(shell: Shell<'_>, orientation: f64, is_upper: bool, step: EdgeStep) -> Option<Illegal> {
-    let cols = shell.size.cols;
-    let jacobians = wedge_jacobians(shell, is_upper, step);
-    let at = (step.nodes[0] / cols, step.nodes[0] % cols);
-    judged(&jacobians, expected(orientation, is_upper), Part::wedge(is_upper), at)
+/// How many more Jacobians of the cells of a side are positive than negative.
+fn positive_less_negative(shell: Shell<'_>, is_upper: bool) -> i64 {
+    let mut votes = 0;
+    for quad in shell.quads() {
+        for jacobian in cell_jacobians(shell, is_upper, quad) {
+            votes += i64::from(jacobian > 0.0) - i64::from(jacobian < 0.0);
+        }
+    }
+    votes
 }
 
 fn expected(orientation: f64, is_upper: bool) -> f64 {
     if is_upper { orientation } else { -orientation }
 }
 
-/// The last Jacobian is that of the centre. What is no number is bad.
+/// The last Jacobian is that of the centre.
 fn judged(jacobians: &[Option<f64>], expected: f64, part: Part, (i, j): (usize, usize)) -> Option<Illegal> {
-    let is_bad = |jacobian: &Option<f64>| jacobian.is_some_and(|j| j.is_nan() || j * expected <= 0.0);
     let (centre, corners) = jacobians.split_last()?;
-    let found =
-        Illegal { part, i, j, corners: corners.iter().filter(|c| is_bad(c)).count(), is_centre_bad: is_bad(centre) };
+    let corners = corners.iter().filter(|corner| is_bad(**corner, expected)).count();
+    let found = Illegal { part, i, j, corners, is_centre_bad: is_bad(*centre, expected) };
     (found.corners > 0 || found.is_centre_bad).then_some(found)
+}
+
+/// Whether a Jacobian has not the expected sign. What is no number is bad; a place that is not looked at is not.
+fn is_bad(jacobian: Option<f64>, expected: f64) -> bool {
+    jacobian.is_some_and(|j| j.is_nan() || j * expected <= 0.0)
 }
 
 /// Jacobians of the trilinear map of a cell: four corners on the medial quad, four on the
 /// surface, the centre.
 fn cell_jacobians(shell: Shell<'_>, is_upper: bool, quad: Quad) -> [f64; 9] {
-    cell_edges([shell.medial, shell.skin(is_upper)].map(|layer| quad.nodes.map(|n| layer[n]))).map(determinant)
+    cell_edges([quad.corners(shell.medial), quad.corners(shell.skin(is_upper))]).map(determinant)
 }
 
 /// The derivatives along i, along j and across, in the same nine places, of the trilinear map of the
 /// cell between two quads, the medial one first.
 #[must_use]
 pub fn cell_edges(layers: [[Point3<f64>; 4]; 2]) -> [[Vector3<f64>; 3]; 9] {
-    let across = |k: usize| layers[1][k] - layers[0][k];
-    let along_i = |layer: &[Point3<f64>; 4], k: usize| layer[2 | (k & 1)] - layer[k & 1];
-    let along_j = |layer: &[Point3<f64>; 4], k: usize| layer[(k & 2) | 1] - layer[k & 2];
     let mut edges = [[Vector3::zeros(); 3]; 9];
     let mut middle = [Vector3::zeros(); 3];
     for (slot, edges) in edges.iter_mut().take(8).enumerate() {
         let (layer, k) = (&layers[slot / 4], slot % 4);
-        *edges = [along_i(layer, k), along_j(layer, k), across(k)];
+        let along_i = layer[2 | (k & 1)] - layer[k & 1];
+        let along_j = layer[(k & 2) | 1] - layer[k & 2];
+        *edges = [along_i, along_j, layers[1][k] - layers[0][k]];
         // In the centre the derivatives are the means of the edges of a direction.
         middle = [middle[0] + edges[0], middle[1] + edges[1], middle[2] + edges[2]];
     }
@@ -184,29 +187,44 @@ pub fn cell_edges(layers: [[Point3<f64>; 4]; 2]) -> [[Vector3<f64>; 3]; 9] {
     edges
 }
 
+/// One end of a wedge.
+struct End {
+    medial: Point3<f64>,
+    crest: Point3<f64>,
+    skin: Point3<f64>,
+    /// Whether crest and surface node are one.
+    is_merged: bool,
+}
+
+impl End {
+    fn of(shell: Shell<'_>, is_upper: bool, place: usize, node: usize) -> Self {
+        let (medial, crest, skin) = (shell.medial[node], shell.crest[place], shell.skin(is_upper)[node]);
+        Self { medial, crest, skin, is_merged: shell.is_merged(is_upper, place, node) }
+    }
+}
+
 /// Jacobians of a wedge's map: three corners at each end, the centre. Signs agree with the cells
 /// of the side. At an end where the crest has merged with the surface node the triangle has no
 /// area and the corners have no sign; a wedge merged at both ends has no volume. That is a sharp
 /// rim, nothing is turned over there, and nothing is looked at (`None`).
 fn wedge_jacobians(shell: Shell<'_>, is_upper: bool, step: EdgeStep) -> [Option<f64>; 7] {
-    let skin = shell.skin(is_upper);
-    let places = [step.here, step.next];
-    let triangle = |end: usize| {
-        let node = step.nodes[end];
-        [shell.medial[node], shell.crest[places[end]], skin[node]]
-    };
-    let ends = [triangle(0), triangle(1)];
-    let is_merged = [0, 1].map(|end| shell.is_merged(is_upper, places[end], step.nodes[end]));
-    let sides = ends.map(|[medial, crest, skin]| [crest - medial, skin - medial]);
-    let along = [0, 1, 2].map(|corner| ends[1][corner] - ends[0][corner]);
+    let here = End::of(shell, is_upper, step.here, step.nodes[0]);
+    let next = End::of(shell, is_upper, step.next, step.nodes[1]);
+    let along = [next.medial - here.medial, next.crest - here.crest, next.skin - here.skin];
     let mut jacobians = [None; 7];
-    for (slot, jacobian) in jacobians.iter_mut().take(6).enumerate() {
-        let [crest, skin] = sides[slot / 3];
-        *jacobian = (!is_merged[slot / 3]).then(|| determinant([crest, skin, along[slot % 3]]));
+    let (mut crest, mut skin) = (Vector3::zeros(), Vector3::zeros());
+    for (end, corners) in [&here, &next].into_iter().zip(jacobians.chunks_mut(3)) {
+        let sides = [end.crest - end.medial, end.skin - end.medial];
+        (crest, skin) = (crest + sides[0], skin + sides[1]);
+        if !end.is_merged {
+            for (corner, along) in corners.iter_mut().zip(along) {
+                *corner = Some(determinant([sides[0], sides[1], along]));
+            }
+        }
     }
-    if is_merged != [true, true] {
-        let [crest, skin] = [0, 1].map(|side| (sides[0][side] + sides[1][side]) / 2.0);
-        jacobians[6] = Some(determinant([crest, skin, (along[0] + along[1] + along[2]) / 3.0]));
+    if !(here.is_merged && next.is_merged) {
+        let along = (along[0] + along[1] + along[2]) / 3.0;
+        jacobians[6] = Some(determinant([crest / 2.0, skin / 2.0, along]));
     }
     jacobians
 }

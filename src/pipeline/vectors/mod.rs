@@ -1,22 +1,34 @@
 //! Stage 7 (section 4 of the paper): which surface nodes belong to which medial node, and the vectors between
 //! them.
 //!
-//! With `correspondence: "paper"` nodes of equal (i, j) on three lattices are paired ([`paper`]). We leave the
-//! paper with `"anchored"`, the default: the nodes of the medial lattice are carried to both sides along the
-//! spokes of its inscribed balls ([`anchored`]), and turned until none cross ([`repair`]), because the three
-//! lattices stretch differently and vectors between them lean.
+//! 1. Nodes are brought into space and paired with those of both sides. With `correspondence: "paper"` nodes of equal
+//!    (i, j) on three lattices are paired (`paper`). We leave the paper with `"anchored"`, the default: the nodes of
+//!    the medial lattice are carried to both sides along the spokes of its inscribed balls (`anchored`, `spokes`),
+//!    because the three lattices stretch differently and vectors between them lean.
+//! 2. The three meshes of the paper leave the rim open. Each node of the edge gets a crest point there (`crest`), so
+//!    that what the vectors fill is closed.
+//! 3. The paper's vectors are meant not to cross. We look ([`legality`]), and with `"anchored"` turn those that do
+//!    (`spread`, `untangle`, `mend`); what crosses whichever way it is turned is cut short (`shorten`).
 
 mod nodes;
 
-pub mod legality;
+mod paper;
+
+mod anchored;
+
+mod spokes;
 
 mod crest;
 
-mod paper;
+pub mod legality;
 
-mod repair;
+mod spread;
 
-mod anchored;
+mod untangle;
+
+mod mend;
+
+mod shorten;
 
 pub use self::nodes::Nodes;
 

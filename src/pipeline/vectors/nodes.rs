@@ -17,7 +17,7 @@ pub struct Nodes {
     pub upper: Vec<Point3<f64>>,
     /// Lower nodes.
     pub lower: Vec<Point3<f64>>,
-    /// Crest points in the order of [`ring`].
+    /// Crest points in the order of [`ring`](crate::model::ring).
     pub crest: Vec<Point3<f64>>,
     /// Whether a node lies on all three surfaces.
     pub valid: Vec<bool>,

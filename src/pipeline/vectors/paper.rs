@@ -1,6 +1,8 @@
-//! `paper`: the two sides are laid flat on their own, turned rigidly onto the medial embedding
-//! through the pairs of stage 4 (eigenvectors leave signs open, and on square sheets the
-//! rotation too), get a lattice of their own, and nodes of equal (i, j) are paired.
+//! Stage 7, `paper` (section 4): nodes of equal (i, j) on three lattices are paired.
+//!
+//! The two sides are laid flat on their own, turned rigidly onto the medial embedding through the pairs of the stage of
+//! the sides (eigenvectors leave signs open, and on square sheets the rotation too), and get a lattice of their own.
+//! We leave the paper where it says nothing: nodes are carried onto the sub-voxel boundary, and the edge gets a crest.
 
 use nalgebra::Point3;
 
@@ -32,32 +34,47 @@ pub fn paper(
     cancel: &dyn Cancel,
 ) -> Result<Nodes, Cancelled> {
     let size = lattices.medial.size;
-    let medial_map = SpaceFromPlane::new(&flat.medial.points, &sheet.medial.positions, &sheet.radii);
-    let medial = medial_map.nodes(&lattices.medial.nodes, cancel)?;
-    let side = |side: &Side, flat: &Flat, lattice: &Lattice| {
-        let map = SpaceFromPlane::new(&flat.points, &side.surface.positions, &[]);
-        let nodes = map.nodes(&lattice.nodes, cancel)?;
-        Ok(nodes.iter().map(|node| onto_boundary(&solid.level, node.position)).collect::<Vec<_>>())
-    };
-    let (upper, lower) =
-        (side(&sheet.upper, &flat.upper, &lattices.upper)?, side(&sheet.lower, &flat.lower, &lattices.lower)?);
-    let valid = (0..size.rows * size.cols).map(|n| lattices.named().iter().all(|(_, l)| l.valid[n])).collect();
-    let ahead = look_ahead(&lattices.medial, &medial_map, &[]);
-    let crest = crest(&solid.level, size, &medial, &ahead);
+    let map = SpaceFromPlane::new(&flat.medial.points, &sheet.medial.positions, &sheet.radii);
+    let medial = map.nodes(&lattices.medial.nodes, cancel)?;
+    let crest = crest(&solid.level, size, &medial, &look_ahead(&lattices.medial, &map, &[]));
     Ok(Nodes {
         size,
         radii: medial.iter().map(|n| n.value).collect(),
         medial: medial.iter().map(|n| n.position).collect(),
-        upper,
-        lower,
+        upper: on_side(&sheet.upper, &flat.upper, &lattices.upper, &solid.level, cancel)?,
+        lower: on_side(&sheet.lower, &flat.lower, &lattices.lower, &solid.level, cancel)?,
         crest,
-        valid,
+        valid: valid_on_all(&lattices),
         intrinsic: PerSurface {
             medial: lattices.medial.nodes,
             upper: lattices.upper.nodes,
             lower: lattices.lower.nodes,
         },
     })
+}
+
+/// The nodes of a side's lattice, on the boundary.
+fn on_side(
+    side: &Side,
+    flat: &Flat,
+    lattice: &Lattice,
+    level: &Field,
+    cancel: &dyn Cancel,
+) -> Result<Vec<Point3<f64>>, Cancelled> {
+    let map = SpaceFromPlane::new(&flat.points, &side.surface.positions, &[]);
+    let nodes = map.nodes(&lattice.nodes, cancel)?;
+    Ok(nodes.iter().map(|node| onto_boundary(level, node.position)).collect())
+}
+
+/// Whether a node lies inside of the outline on all three surfaces.
+fn valid_on_all(lattices: &PerSurface<Lattice>) -> Vec<bool> {
+    let mut valid = lattices.medial.valid.clone();
+    for side in [&lattices.upper, &lattices.lower] {
+        for (valid, on_side) in valid.iter_mut().zip(&side.valid) {
+            *valid &= on_side;
+        }
+    }
+    valid
 }
 
 /// The point of the boundary that a point near it is carried to along the gradient.

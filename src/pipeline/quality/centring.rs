@@ -1,0 +1,59 @@
+//! Stage 8, last measure: how far from the middle the medial nodes are.
+
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+use super::search::SkinSearch;
+use crate::cancel::{Cancel, Cancelled};
+use crate::model::{LatticeSize, MeanAndP95};
+use crate::pipeline::vectors::Nodes;
+
+/// How far the medial nodes are from the middle: |a − b| / (a + b), with a and b the distances
+/// to the nearest skin on the one and on the other side of the sheet that faces away from it
+/// within 60° of its normal: a blunt rim is as near on both sides and says nothing. Zero of a perfect medial sheet, one of
+/// a node on the skin or outside. The vectors are not used: they need not be the shortest way.
+///
+/// # Errors
+/// When it is cancelled.
+pub fn medial_offset(nodes: &Nodes, skin: &SkinSearch<'_>, cancel: &dyn Cancel) -> Result<MeanAndP95, Cancelled> {
+    /// Nodes looked at; more say nothing new and cost time.
+    const MOST: usize = 2000;
+    let valid: Vec<usize> = (0..nodes.medial.len()).filter(|&n| nodes.valid[n]).collect();
+    let step = valid.len().div_ceil(MOST).max(1);
+    let offsets = valid.par_iter().step_by(step).map(|&node| offset(nodes, node, skin, cancel));
+    Ok(MeanAndP95::of(offsets.collect::<Result<_, _>>()?))
+}
+
+/// That of one node.
+fn offset(nodes: &Nodes, node: usize, skin: &SkinSearch<'_>, cancel: &dyn Cancel) -> Result<f64, Cancelled> {
+    /// Cosine of 60°, the angle at which skin stops to be crest in the stage of the sides, too.
+    const FACING_COSINE: f64 = 0.5;
+    cancel.check()?;
+    let at = nodes.medial[node];
+    let [up, down] = [nodes.upper[node] - at, nodes.lower[node] - at];
+    let normal = normal(nodes, node).unwrap_or(up - down);
+    // The surface nodes lie on the skin; the nearest that faces away is not much further off.
+    let reach = 2.0 * up.norm().max(down.norm()) + 2.0;
+    let mut sides = [f64::INFINITY; 2];
+    for skin in skin.within(at, reach) {
+        let side = usize::from((skin.position - at).dot(&normal) < 0.0);
+        let facing = skin.normal.dot(&normal) / normal.norm() * [1.0, -1.0][side];
+        if facing >= FACING_COSINE {
+            sides[side] = sides[side].min(skin.distance(at));
+        }
+    }
+    let has_both = sides[0].is_finite() && sides[1].is_finite();
+    // Without skin on one of the sides it is on the other.
+    Ok(if has_both { (sides[0] - sides[1]).abs() / (sides[0] + sides[1]).max(1e-12) } else { 1.0 })
+}
+
+/// Normal of the medial lattice at a node, of any sign and length.
+fn normal(nodes: &Nodes, node: usize) -> Option<Vector3<f64>> {
+    let LatticeSize { rows, cols } = nodes.size;
+    let (i, j) = (node / cols, node % cols);
+    let medial = &nodes.medial;
+    let along_i = medial[(i + 1).min(rows - 1) * cols + j] - medial[i.saturating_sub(1) * cols + j];
+    let along_j = medial[i * cols + (j + 1).min(cols - 1)] - medial[i * cols + j.saturating_sub(1)];
+    let normal = along_i.cross(&along_j);
+    (normal.norm() > 1e-9).then_some(normal)
+}

@@ -1,0 +1,124 @@
+//! The voxels that the cells and crest wedges of a figure fill.
+
+use std::ops::Range;
+
+use nalgebra::{Matrix3, Point3, Vector3};
+use rayon::prelude::*;
+
+use crate::cancel::{Cancel, Cancelled};
+use crate::model::Shell;
+use crate::numerics::field::floor_index;
+use crate::space::Grid;
+
+/// Tetrahedra between two looks at whether to stop.
+const CUTS: usize = 1 << 10;
+
+/// The voxels whose centres lie in the cells and wedges of a figure.
+///
+/// # Errors
+/// When it is cancelled.
+pub fn filled(dims: [usize; 3], shell: Shell<'_>, cancel: &dyn Cancel) -> Result<Grid<bool>, Cancelled> {
+    /// Planes of the grid that one thread takes at a time.
+    const PLANES: usize = 4;
+    let mut cuts = Vec::new();
+    for tetrahedra in tetrahedra(shell).chunks(CUTS) {
+        cancel.check()?;
+        cuts.extend(tetrahedra.iter().filter_map(Cut::of));
+    }
+    let mut grid = Grid::filled(dims, false);
+    let slabs = grid.as_mut_slice().par_chunks_mut(PLANES * dims[0] * dims[1]).enumerate();
+    slabs.try_for_each(|(n, slab)| fill(slab, n * PLANES, dims, &cuts, cancel))?;
+    Ok(grid)
+}
+
+/// Fills some planes of a grid, from the plane `first` on.
+fn fill(slab: &mut [bool], first: usize, dims: [usize; 3], cuts: &[Cut], cancel: &dyn Cancel) -> Result<(), Cancelled> {
+    let plane = dims[0] * dims[1];
+    for (number, cut) in cuts.iter().enumerate() {
+        if number.is_multiple_of(CUTS) {
+            cancel.check()?;
+        }
+        for k in cut.range(2, first, first + slab.len() / plane) {
+            let rows = &mut slab[(k - first) * plane..(k - first + 1) * plane];
+            for j in cut.range(1, 0, dims[1]) {
+                rows[dims[0] * j..dims[0] * (j + 1)][cut.along_row(j, k, dims[0])].fill(true);
+            }
+        }
+    }
+    Ok(())
+}
+
+type Tetrahedron = [Point3<f64>; 4];
+
+/// All cells and crest wedges, cut into tetrahedra.
+fn tetrahedra(shell: Shell<'_>) -> Vec<Tetrahedron> {
+    let mut all = Vec::new();
+    let m = shell.medial;
+    for skin in [shell.upper, shell.lower] {
+        for quad in shell.quads() {
+            let [a, b, c, d] = quad.nodes;
+            all.extend(prism([m[a], m[b], m[d]], [skin[a], skin[b], skin[d]]));
+            all.extend(prism([m[a], m[d], m[c]], [skin[a], skin[d], skin[c]]));
+        }
+        for step in shell.edge_steps() {
+            let [a, b] = step.nodes;
+            all.extend(prism([m[a], skin[a], shell.crest[step.here]], [m[b], skin[b], shell.crest[step.next]]));
+        }
+    }
+    all
+}
+
+/// Three tetrahedra between two triangles.
+fn prism([a, b, c]: [Point3<f64>; 3], [d, e, f]: [Point3<f64>; 3]) -> [Tetrahedron; 3] {
+    [[a, b, c, d], [b, c, d, e], [c, d, e, f]]
+}
+
+/// A tetrahedron as the places where its four barycentric coordinates are positive.
+struct Cut {
+    low: Point3<f64>,
+    high: Point3<f64>,
+    /// Each coordinate at the origin, and its slopes.
+    coordinates: [(f64, Vector3<f64>); 4],
+}
+
+impl Cut {
+    /// `None` for a flat one.
+    fn of([o, a, b, c]: &Tetrahedron) -> Option<Self> {
+        let inverse = Matrix3::from_columns(&[a - o, b - o, c - o]).try_inverse()?;
+        let [x, y, z] = [0, 1, 2].map(|row| inverse.row(row).transpose());
+        let [x, y, z] = [x, y, z].map(|slope| (-slope.dot(&o.coords), slope));
+        let rest = (1.0 - x.0 - y.0 - z.0, -(x.1 + y.1 + z.1));
+        let low = o.coords.inf(&a.coords).inf(&b.coords.inf(&c.coords)).into();
+        let high = o.coords.sup(&a.coords).sup(&b.coords.sup(&c.coords)).into();
+        Some(Self { low, high, coordinates: [x, y, z, rest] })
+    }
+
+    /// Indices along an axis that its box reaches, from `first` and below `end`.
+    fn range(&self, axis: usize, first: usize, end: usize) -> Range<usize> {
+        whole_numbers(self.low[axis].max(first as f64), self.high[axis].min(end as f64 - 1.0))
+    }
+
+    /// The voxels of a row that lie in it.
+    fn along_row(&self, j: usize, k: usize, end: usize) -> Range<usize> {
+        /// Points this much outside count as inside, so that no voxel falls between two cells.
+        const SEAM: f64 = 1e-9;
+        let (mut low, mut high) = (self.low.x.max(0.0), self.high.x.min(end as f64 - 1.0));
+        for (constant, slope) in &self.coordinates {
+            let at_start = constant + slope.y * j as f64 + slope.z * k as f64 + SEAM;
+            let zero = -at_start / slope.x;
+            if slope.x > 0.0 {
+                low = low.max(zero);
+            } else if slope.x < 0.0 {
+                high = high.min(zero);
+            } else if at_start < 0.0 {
+                return 0..0;
+            }
+        }
+        whole_numbers(low, high)
+    }
+}
+
+/// Whole numbers from `low` to `high`, both included and not negative.
+fn whole_numbers(low: f64, high: f64) -> Range<usize> {
+    if low.ceil() > high { 0..0 } else { floor_index(low.ceil())..floor_index(high) + 1 }
+}
