@@ -5,8 +5,6 @@ pub mod parallel;
 
 pub mod field;
 
-pub mod parallel;
-
 pub mod smooth;
 
 pub mod distance;

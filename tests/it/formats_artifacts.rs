@@ -3,7 +3,6 @@
 use std::io::Write;
 
 use medialrep::formats::artifacts::ARTIFACTS;
-use medialrep::formats::params_json;
 use medialrep::formats::write::record::{Record, RecordError};
 use medialrep::formats::write::tables;
 use medialrep::formats::write::thickness::{self, InputFacts, OuterTimings};
@@ -158,7 +157,7 @@ fn uncertainty_is_written_when_it_was_asked_for() {
     let mut model = model();
     model.params = Params { uncertainty: 2, ..Params::default() }.check().unwrap();
     let spread = |sd: Option<f64>| vec![sd; 48];
-    let Figure::Sheet(sheet) = &mut model.structures[0].figures[0];
+    let medialrep::model::Figure::Sheet(sheet) = &mut model.structures[0].figures[0];
     sheet.uncertainty = Some(Uncertainty {
         repeats: 2,
         matched: 2,

@@ -47,7 +47,7 @@ impl Cancel for CancelAt {
 
 #[test]
 fn what_can_be_asked_for_is_what_is_made() {
-    assert_eq!(ARTIFACTS.map(|(name, _)| name), ARTIFACT_NAMES);
+    assert_eq!(ARTIFACTS.map(|artifact| artifact.name), ARTIFACT_NAMES);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Anchored vectors: true lengths, no crossings, the sheet up to its rim, lattices that meet.
 
-use medialrep::model::{Sheet, Structure, Verdict, ring};
+use medialrep::model::{Sheet, Side, Structure, Verdict, ring};
 use medialrep::params::{Correspondence, LatticeKind, Params};
 use medialrep::space::WorldPoint;
 use nalgebra::Rotation3;
@@ -15,7 +15,7 @@ fn structure_of(name: &str, spacing_mm: f64, rotation: Rotation3<f64>) -> Struct
 /// Relative errors of vector lengths against a constant half-thickness, away from the rim.
 fn length_errors(figure: &Sheet, half_mm: f64) -> Vec<f64> {
     let is_inner = |n: usize| (3..9).contains(&(n / 20)) && (5..15).contains(&(n % 20));
-    let both = [figure.upper_vectors(), figure.lower_vectors()];
+    let both = Side::BOTH.map(|side| figure.vectors(side));
     let lengths = both.iter().flat_map(|v| v.iter().enumerate().filter(|(n, _)| is_inner(*n)).map(|(_, v)| v.norm()));
     lengths.map(|l| (l / half_mm - 1.0).abs()).collect()
 }
@@ -127,7 +127,7 @@ fn a_regular_lattice_flags_what_lies_off_the_sheet_and_stays_legal_on_it() {
 fn edge_vectors_of_an_abrupt_end_lean_towards_the_crest_and_inner_ones_do_not() {
     let structure = structure_of("slab", 1.0, Rotation3::identity());
     let figure = structure.sheets().next().expect("a sheet");
-    let vectors = figure.upper_vectors();
+    let vectors = figure.vectors(Side::Upper);
     let lean = |n: usize| (vectors[n].z.abs() / vectors[n].norm()).acos().to_degrees();
     let (edge, inner) = (lean(10), lean(6 * 20 + 10));
     assert!(edge > 30.0 && inner < 3.0, "{edge:.0}° at the edge, {inner:.0}° inside");

@@ -9,7 +9,7 @@ use medialrep::params::{GridChoice, Landmarks, LatticeKind, Neighbors, Params, P
 use medialrep::pipeline::observer::Observer;
 use medialrep::pipeline::{PipelineError, run};
 
-use crate::phantoms::{check_invariants, drift, model_of, painted, params, run_of, volume};
+use crate::phantoms::{check_invariants, drift, first_sheet, model_of, painted, params, run_of, volume};
 
 fn check_refused(volume: &medialrep::space::LabelVolume, params: Params, code: &str) {
     match run_of(volume, params) {
@@ -71,8 +71,8 @@ fn one_refused_structure_does_not_spoil_the_others() {
     assert_eq!(model.structures[1].refusal.as_ref().map(|r| r.code()), Some("shape_is_a_ball"));
 }
 
-fn warnings(volume: &medialrep::space::LabelVolume) -> Vec<&'static str> {
-    model_of(volume, params()).structures[0].warnings.iter().map(|w| w.code).collect()
+fn warnings(volume: &medialrep::space::LabelVolume) -> Vec<String> {
+    model_of(volume, params()).structures[0].warnings.iter().map(|w| w.code.to_string()).collect()
 }
 
 fn in_slab([i, j, k]: [usize; 3]) -> bool {
@@ -186,7 +186,7 @@ fn the_regular_lattice_is_a_rectangle_with_nodes_off_the_sheet_flagged() {
 #[test]
 fn an_automatic_lattice_follows_the_spacing() {
     let params = Params { grid: GridChoice::Auto, spacing_mm: Some(5.0), margin: 0.0, ..params() };
-    let figure = &model_of(&volume("bent_even"), params).structures[0].sheets().next().expect("a sheet");
+    let figure = first_sheet(&model_of(&volume("bent_even"), params));
     let LatticeSize { rows, cols } = figure.grid;
     let step = (figure.medial[cols / 2 + 1] - figure.medial[cols / 2]).norm();
     assert!((4.0..6.0).contains(&step), "{rows} × {cols}, {step:.2} mm apart");
@@ -195,10 +195,7 @@ fn an_automatic_lattice_follows_the_spacing() {
 #[test]
 fn the_margin_keeps_nodes_off_the_edge() {
     let extent = |margin| {
-        let figure = &model_of(&volume("bent_even"), Params { margin, ..params() }).structures[0]
-            .sheets()
-            .next()
-            .expect("a sheet");
+        let figure = first_sheet(&model_of(&volume("bent_even"), Params { margin, ..params() }));
         (figure.intrinsic.medial[5 * 20 + 19] - figure.intrinsic.medial[5 * 20]).norm()
     };
     let ratio = extent(0.2) / extent(0.0);

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use medialrep::cancel::Never;
 use medialrep::model::LatticeSize;
 use medialrep::model::closed;
-use medialrep::model::{TriangleMesh, ring};
+use medialrep::model::{LatticePlace, Side, TriangleMesh, ring};
 use medialrep::numerics::triangles::{self_intersections, volume};
 use medialrep::pipeline::quality::figure_quality;
 use medialrep::pipeline::vectors::Nodes;
@@ -92,7 +92,7 @@ fn a_cell_that_is_turned_over_only_in_its_middle_is_found() {
     let cell = Illegal { part: Part::UpperCell, i: 0, j: 0, corners: 0, is_centre_bad: true };
     assert_eq!(found.parts[0], cell);
     let quality = figure_quality(&drafted(nodes), &Never).unwrap();
-    assert_eq!((quality.folds, quality.folded_cells), (0, vec![(true, 0, 0)]));
+    assert_eq!((quality.folds, quality.folded_cells), (0, vec![LatticePlace { side: Side::Upper, i: 0, j: 0 }]));
 }
 
 #[test]

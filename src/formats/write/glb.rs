@@ -5,7 +5,6 @@ use std::io::{self, Write};
 
 use serde_json::{Map, Value, json};
 
-use super::colors::hex_color;
 use super::colors::viridis_linear;
 use super::gltf::{Gltf, Material, Mesh, Mode};
 use super::rounded::round;
@@ -74,12 +73,6 @@ fn add_structure(gltf: &mut Gltf, index: usize, structure: &Structure) -> usize 
     let mut extras = json!({"structure": index, "label": structure.label});
     if let Some(refusal) = &structure.refusal {
         extras["refusal"] = refusal.code().into();
-    }
-    if let Some(name) = &structure.name {
-        extras["name"] = name.as_str().into();
-    }
-    if let Some(color) = structure.color {
-        extras["color"] = hex_color(color).into();
     }
     gltf.node(fields(json!({"name": format!("label {}", structure.label), "extras": extras})), &children)
 }
