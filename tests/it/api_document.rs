@@ -123,7 +123,7 @@ async fn every_path_that_the_front_page_names_is_in_the_document() {
 /// Codes as they stand in the sources: where problems are made, and where errors have theirs.
 fn codes() -> Vec<String> {
     let mut codes = Vec::new();
-    for file in ["src/formats/read_error.rs", "src/model/refusal.rs"] {
+    for file in ["src/formats/read/error.rs", "src/model/refusal.rs"] {
         let text = std::fs::read_to_string(format!("{}/{file}", env!("CARGO_MANIFEST_DIR"))).unwrap();
         let body = text.split("fn code(&self)").nth(1).unwrap().split("\n    }\n").next().unwrap().to_owned();
         codes.extend(body.split('"').skip(1).step_by(2).map(str::to_owned));

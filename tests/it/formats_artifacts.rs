@@ -54,6 +54,7 @@ fn thickness_json_has_the_names_of_the_contract() {
         "index",
         "label",
         "name",
+        "color",
         "voxels",
         "volume_mm3",
         "working_voxel_mm",

@@ -254,7 +254,7 @@ fn judged(change: impl FnOnce(&mut StructureQuality)) -> StructureQuality {
 fn the_thresholds_reproduce_the_verdict() {
     let mut model = model();
     type Change = fn(&mut StructureQuality);
-    let cases: [(Verdict, Change); 10] = [
+    let cases: [(Verdict, Change); 12] = [
         (Verdict::Pass, |_| ()),
         (Verdict::Fail, |q| q.folds = 1),
         (Verdict::Fail, |q| q.folded_centres = 1),
@@ -264,6 +264,8 @@ fn the_thresholds_reproduce_the_verdict() {
         (Verdict::Fail, |q| q.coverage.dice = 0.5),
         (Verdict::Warn, |q| q.medial_offset.p95 = 0.2),
         (Verdict::Fail, |q| q.residual_variance = f64::INFINITY),
+        (Verdict::Pass, |q| q.turned_over = Some(0.02)),
+        (Verdict::Fail, |q| q.turned_over = Some(0.021)),
         (Verdict::Fail, |q| q.spacing_variation = f64::NAN),
     ];
     for (verdict, change) in cases {

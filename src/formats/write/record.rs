@@ -44,6 +44,28 @@ pub enum RecordError {
     Params(#[from] ParamsJsonError),
 }
 
+/// Keeps the error of writing: the encoder hands it on without its kind, and a full disk is to be told as one.
+struct Told<W> {
+    out: W,
+    error: Option<io::Error>,
+}
+
+impl<W: Write> Write for Told<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.out.write(bytes).map_err(|error| {
+            let kind = error.kind();
+            if kind != io::ErrorKind::Interrupted {
+                self.error = Some(error);
+            }
+            kind.into()
+        })
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
+}
+
 #[derive(Serialize)]
 struct Written<'a> {
     params: String,
@@ -76,7 +98,13 @@ impl Record {
             model: &self.model,
         };
         out.write_all(&VERSION.to_be_bytes())?;
-        rmp_serde::encode::write_named(&mut out, &written).map_err(io::Error::other)
+        let mut told = Told { out, error: None };
+        let result = rmp_serde::encode::write_named(&mut told, &written);
+        match (result, told.error) {
+            (Ok(()), _) => Ok(()),
+            (Err(_), Some(error)) => Err(error),
+            (Err(error), None) => Err(io::Error::other(error)),
+        }
     }
 
     /// Reads one.
