@@ -65,7 +65,7 @@ fn row(spacing_mm: f64) -> String {
 fn from_file_to_files(file: &[u8], params: &CheckedParams) -> StageTimings {
     let read = read(file, InputLimits::default()).expect("it was written here");
     let model: Model = run(&read.volume, params, &Silent).expect("the shape has a medial sheet");
-    let input = InputFacts { sha256: read.sha256, format: read.format };
+    let input = InputFacts { sha256: read.sha256, format: read.format.to_owned() };
     glb::write(&model, sink()).expect("nothing is written");
     tables::write_thickness(&model, sink()).expect("nothing is written");
     tables::write_points(&model, sink()).expect("nothing is written");

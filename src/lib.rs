@@ -9,7 +9,7 @@
 //! use nalgebra::Rotation3;
 //!
 //! let sample = by_name("slab").expect("a sample of that name");
-//! let volume = sample.voxelise([1.5; 3], Rotation3::identity())?;
+//! let volume = sample.voxelise([1.0; 3], Rotation3::identity())?;
 //! let model = medialrep::run(&volume, &Params::default())?;
 //!
 //! let structure = &model.structures[0];

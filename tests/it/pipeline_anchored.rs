@@ -36,7 +36,7 @@ fn it_is_the_default_and_paper_stays() {
 fn vectors_have_the_true_length_however_the_slab_is_bent() {
     for (name, half_mm) in [("bent_even", 6.0), ("half_bent", 6.0), ("thick_bend", 11.0), ("twisted", 5.0)] {
         let errors =
-            length_errors(&structure_of(name, 1.0, Rotation3::identity()).sheets().next().expect("a sheet"), half_mm);
+            length_errors(structure_of(name, 1.0, Rotation3::identity()).sheets().next().expect("a sheet"), half_mm);
         let (mean, worst) =
             (errors.iter().sum::<f64>() / errors.len() as f64, errors.iter().fold(0.0f64, |a, b| a.max(*b)));
         assert!(mean < 0.02 && worst < 0.05, "{name}: {mean:.4} {worst:.4}");
