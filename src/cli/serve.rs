@@ -45,6 +45,7 @@ pub struct ServeArgs {
     #[arg(long, env = "MEDIALREP_WORKERS", value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=1024))]
     workers: Option<u16>,
 
+    #[allow(rustdoc::bare_urls, reason = "the same text is that of --help")]
     /// Origins whose web pages may use the service, separated by commas: https://viewer.example.org
     #[arg(long, env = "MEDIALREP_CORS_ORIGINS", value_delimiter = ',', value_name = "ORIGINS", value_parser = origin)]
     cors_origins: Vec<String>,

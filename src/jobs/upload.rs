@@ -36,7 +36,7 @@ pub struct UploadLimits {
     pub idle: Duration,
     /// Longest time for the whole.
     pub total: Duration,
-    /// Slowest pace, once [`PATIENCE`] is over.
+    /// Slowest pace, once `PATIENCE` is over.
     pub bytes_per_second: u64,
 }
 

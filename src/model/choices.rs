@@ -12,7 +12,7 @@ pub enum GridFrom {
     Asked,
     /// The parameter `spacing_mm` and the sheet's extents.
     Spacing,
-    /// The sheet's extents alone: about [`NODES`] nodes, as far apart along rows as along columns.
+    /// The sheet's extents alone: about `NODES` nodes, as far apart along rows as along columns.
     Size,
 }
 

@@ -52,7 +52,7 @@ impl Patch {
         (self.position)(s, t)
     }
 
-    /// Balls no further apart than [`STEP_MM`] along either parameter.
+    /// Balls no further apart than `STEP_MM` along either parameter.
     #[must_use]
     pub fn balls(&self) -> Vec<Ball> {
         let across = self.samples(|a, b| [a, b]);

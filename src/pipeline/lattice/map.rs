@@ -58,7 +58,7 @@ impl<'a> SpaceFromPlane<'a> {
         Self { overreach: f64::INFINITY, ..self }
     }
 
-    /// The point of space at `p`. Fits are read no further than [`OVERREACH`] from the points they
+    /// The point of space at `p`. Fits are read no further than `OVERREACH` from the points they
     /// were made of: beyond, they say nothing, and the nearest point stands for the place.
     #[must_use]
     pub fn node(&self, p: Point2<f64>) -> Node {

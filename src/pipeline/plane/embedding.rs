@@ -1,9 +1,9 @@
 //! The choice of how a surface is laid flat (section 2.4 of the paper names all three): one neighbourhood graph, one
 //! measure of what became of lengths, angles and sides, and in between
 //!
-//! - ISOMAP, which keeps distances along the surface ([`super::isomap`]);
-//! - modified LLE, which keeps neighbourhoods ([`super::lle`]);
-//! - Laplacian eigenmaps, which keep neighbours close ([`super::laplacian`]).
+//! - ISOMAP, which keeps distances along the surface (`super::isomap`);
+//! - modified LLE, which keeps neighbourhoods (`super::lle`);
+//! - Laplacian eigenmaps, which keep neighbours close (`super::laplacian`).
 //!
 //! The last two give a plane up to a linear map only. It is scaled so that lengths are true on the whole
 //! ([`Tangents::scale`]) and turned to its axes. A fit of the squared plane distances to the squared geodesic ones would

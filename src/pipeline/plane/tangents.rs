@@ -3,7 +3,7 @@
 //! Triangles of touching points are a voxel wide and as noisy as the points. So triangles are looked at through the
 //! linear map that carries the neighbourhood of a point from the sheet's tangent plane to the plane:
 //!
-//! 1. the tangent plane of a point is that of the spread of the points within [`REACH`]; where these form a
+//! 1. the tangent plane of a point is that of the spread of the points within `REACH`; where these form a
 //!    string or a lump there is none, and nothing is judged;
 //! 2. tangent planes are oriented along the sheet, the most parallel ones first (a maximum spanning tree;
 //!    Hoppe et al., SIGGRAPH 1992);
@@ -73,7 +73,7 @@ struct Spread {
 }
 
 impl Tangents {
-    /// Of a sheet. A neighbourhood is what lies within [`REACH`] along it, whatever the graph is that it is laid flat
+    /// Of a sheet. A neighbourhood is what lies within `REACH` along it, whatever the graph is that it is laid flat
     /// by: planes of different graphs are judged alike.
     ///
     /// # Errors

@@ -3,7 +3,7 @@
 //!
 //! The skin point that an inscribed ball touches belongs to that ball's medial point: the ball
 //! nearest in power distance. It is upper or lower by the side of the sheet it lies on, and
-//! crest where the vector to it leans more than [`CREST_COSINE`] out of the normal: there it
+//! crest where the vector to it leans more than `CREST_COSINE` out of the normal: there it
 //! comes from the sheet's rim. Skin that no ball comes near, beyond the end of a sheet, is crest too.
 
 use nalgebra::{Point3, Vector3};

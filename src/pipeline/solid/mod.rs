@@ -3,9 +3,9 @@
 //!
 //! 1. The label's box is cut out, its axes in the order of the world ([`cut_out`]).
 //! 2. The largest part is kept, cavities are filled ([`clean`]).
-//! 3. It is brought to an isotropic grid by its signed distance ([`resample`]), unless it is on one.
+//! 3. It is brought to an isotropic grid by its signed distance (`resample`), unless it is on one.
 //! 4. Smoothing makes a level of it that is 0 on the sub-voxel boundary.
-//! 5. A repeat of the uncertainty moves the boundary ([`perturb`]).
+//! 5. A repeat of the uncertainty moves the boundary (`perturb`).
 //!
 //! The stage that follows takes the skin and the depth of every voxel below it ([`depth`]).
 //!
