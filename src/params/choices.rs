@@ -122,3 +122,6 @@ impl Embedding {
         }
     }
 }
+
+/// What can be made of a result, in the order in which it is listed.
+pub const ARTIFACT_NAMES: [&str; 4] = ["model.glb", "thickness.json", "thickness.csv", "points.csv"];

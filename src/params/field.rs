@@ -3,10 +3,9 @@
 
 use std::collections::BTreeMap;
 
-use super::choices::{Correspondence, Embedding, GridChoice, Landmarks, LatticeKind, Neighbors, Prune};
+use super::choices::{ARTIFACT_NAMES, Correspondence, Embedding, GridChoice, Landmarks, LatticeKind, Neighbors, Prune};
 use super::given::Given;
 use super::shape::label_of;
-use super::table::ARTIFACT_NAMES;
 
 /// The type of a field.
 pub(super) trait Field: Sized {

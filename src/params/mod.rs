@@ -18,13 +18,13 @@ mod table;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-pub use choices::{Correspondence, Embedding, GridChoice, Landmarks, LatticeKind, Neighbors, Prune};
+pub use choices::{ARTIFACT_NAMES, Correspondence, Embedding, GridChoice, Landmarks, LatticeKind, Neighbors, Prune};
 pub use given::Given;
 pub(crate) use given::echo;
 pub use shape::{Shape, phrase};
 pub use table::{
-    ARTIFACT_NAMES, FIGURE_COUNT, LABEL_COUNT, LANDMARK_COUNT, LATTICE_SIDE, LENGTH_MM, MARGIN, NAME_CHARS, NAME_COUNT,
-    NEIGHBOR_COUNT, PARAMS, PRUNE_STRENGTH, Param, REPEAT_COUNT,
+    FIGURE_COUNT, LABEL_COUNT, LANDMARK_COUNT, LATTICE_SIDE, LENGTH_MM, MARGIN, NAME_CHARS, NAME_COUNT, NEIGHBOR_COUNT,
+    PARAMS, PRUNE_STRENGTH, Param, REPEAT_COUNT,
 };
 
 /// Parameters as asked for. [`Params::check`] makes them usable. [`PARAMS`] says what each is, in this order.

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::ops::RangeInclusive;
 
-use super::choices::{Correspondence, Embedding, LatticeKind};
+use super::choices::{ARTIFACT_NAMES, Correspondence, Embedding, LatticeKind};
 use super::field::Field;
 use super::given::Given;
 use super::shape::{self, Shape};
@@ -33,9 +33,6 @@ pub const REPEAT_COUNT: RangeInclusive<usize> = 0..=64;
 pub const NAME_COUNT: RangeInclusive<usize> = 0..=*LABEL_COUNT.end();
 /// Characters of a name. Longer ones fit no legend.
 pub const NAME_CHARS: RangeInclusive<usize> = 1..=80;
-
-/// What can be made of a result, in the order in which it is listed.
-pub const ARTIFACT_NAMES: [&str; 4] = ["model.glb", "thickness.json", "thickness.csv", "points.csv"];
 
 /// A parameter: what it is called, what it does, what it takes.
 pub struct Param {
