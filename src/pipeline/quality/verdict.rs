@@ -28,7 +28,7 @@ const RESIDUAL: (f64, f64) = (0.05, 0.20);
 /// had to be moved; above 0.4 are sheets folded so much that nothing mends them.
 const SPACING: (f64, f64) = (0.10, 0.40);
 /// 95th percentile of the medial offset: one distance to the skin 1.2 and 2.3 times the other.
-/// Single-sheet shapes and organs stay below 0.09, a kidney cut to one sheet has 0.4.
+/// Single-sheet shapes and organs stay below 0.09, a kidney kept to one sheet has 0.25.
 const OFFSET: (f64, f64) = (0.10, 0.40);
 /// Share of nodes off the sheet. A fitted lattice has none; a regular one has 0.1 to 0.3 over round sheets, 0.45 over that
 /// of a vertebra. With more than half of them off, what is left is no lattice of the sheet.

@@ -135,8 +135,8 @@ pub fn fan_out(spokes: &mut [Vec<Vector3<f64>>; 2], medial: &[Node], size: Latti
 /// them, and takes the one half way to the crest. Further from the rim it keeps its own.
 fn fanned(node: &Node, direction: Vector3<f64>, ahead: &Ahead) -> Vector3<f64> {
     /// Distances to the rim, in radii, up to which a node stands for the fan, and from which on it
-    /// does not. Nearer (0 or 0.5), less of the ends is covered and a few nodes more are cut short; further, more is, but
-    /// (1.5) spokes lean that are not of the rim, and cross.
+    /// does not. With 0 for the one, or 0.5 for the other, less of the ends is covered; with 0.5 for the one, or 1.5 for
+    /// the other, more is, but with 1.5 spokes lean that are not of the rim, and cross.
     const NEAR: f64 = 0.25;
     const FAR: f64 = 0.75;
     let far = ((ahead.rim - node.position).norm() / node.value.max(1e-6) - NEAR) / (FAR - NEAR);
