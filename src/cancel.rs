@@ -29,3 +29,14 @@ pub trait Cancel: Sync {
 pub struct Never;
 
 impl Cancel for Never {}
+
+/// Work that is to stop at once.
+#[cfg(test)]
+pub(crate) struct Stopped;
+
+#[cfg(test)]
+impl Cancel for Stopped {
+    fn is_cancelled(&self) -> bool {
+        true
+    }
+}

@@ -3,6 +3,7 @@
 use clap::builder::styling::{AnsiColor, Style};
 use serde::Serialize;
 
+use crate::formats::write::round;
 use crate::jobs::outcome::StructureSummary;
 use crate::model::Verdict;
 
@@ -166,16 +167,11 @@ fn line(index: usize, structure: &StructureSummary) -> StructureLine<'_> {
         Ok(found) => {
             let first = found.reasons.first();
             let reason = first.map(|reason| Told { code: &reason.code, message: reason.message.clone(), hint: None });
-            let mean_thickness_mm = found.mean_thickness_mm.map(micrometres_kept);
+            let mean_thickness_mm = found.mean_thickness_mm.map(round);
             let (figures, verdict) = (found.figures, found.verdict.name());
             StructureLine { index, label, name, figures, verdict, mean_thickness_mm, reason, refusal: None }
         }
     }
-}
-
-/// Six decimals, as in thickness.json.
-fn micrometres_kept(length_mm: f64) -> f64 {
-    (length_mm * 1e6).round() / 1e6
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use super::meshes::TriangleMesh;
 use super::shell::Shell;
+use super::side::Side;
 use crate::numerics::field::id;
 use crate::numerics::triangles::volume;
 
@@ -66,7 +67,7 @@ fn names(shell: Shell<'_>) -> Vec<usize> {
     let mut names: Vec<usize> = (0..2 * nodes + shell.crest.len()).collect();
     for step in shell.edge_steps() {
         let (place, node) = (step.here, step.nodes[0]);
-        let merged = [true, false].map(|is_upper| shell.is_merged(is_upper, place, node));
+        let merged = Side::BOTH.map(|side| shell.is_merged(side, place, node));
         if merged[1] {
             names[2 * nodes + place] = nodes + node;
         }

@@ -67,27 +67,11 @@ pub struct FlatPoints {
 }
 
 impl Figure {
-    /// Stable name of its kind.
-    #[must_use]
-    pub fn kind(&self) -> &'static str {
-        match self {
-            Self::Sheet(_) => "sheet",
-        }
-    }
-
     /// Its lattice.
     #[must_use]
     pub fn grid(&self) -> LatticeSize {
         match self {
             Self::Sheet(sheet) => sheet.grid,
-        }
-    }
-
-    /// How good it is.
-    #[must_use]
-    pub fn quality(&self) -> &FigureQuality {
-        match self {
-            Self::Sheet(sheet) => &sheet.quality,
         }
     }
 

@@ -5,6 +5,7 @@ use nalgebra::Point3;
 
 use super::figure::Sheet;
 use super::grid::{LatticeSize, ring};
+use super::side::Side;
 
 /// A crest point this near to a surface node is that node, as a share of the longer of the two
 /// vectors to them. Larger, a thin but open wedge would count as closed and never be looked at;
@@ -72,10 +73,13 @@ pub struct EdgeStep {
 }
 
 impl<'a> Shell<'a> {
-    /// Nodes of the upper or the lower side.
+    /// Nodes of a side.
     #[must_use]
-    pub fn skin(&self, is_upper: bool) -> &'a [Point3<f64>] {
-        if is_upper { self.upper } else { self.lower }
+    pub fn side(&self, side: Side) -> &'a [Point3<f64>] {
+        match side {
+            Side::Upper => self.upper,
+            Side::Lower => self.lower,
+        }
     }
 
     /// The quad whose first node is (i, j); `None` beyond the lattice or with an invalid node.
@@ -107,8 +111,8 @@ impl<'a> Shell<'a> {
 
     /// Whether a crest point is one with the surface node it starts at: a sharp rim.
     #[must_use]
-    pub fn is_merged(&self, is_upper: bool, place: usize, node: usize) -> bool {
-        let (medial, skin, crest) = (self.medial[node], self.skin(is_upper)[node], self.crest[place]);
+    pub fn is_merged(&self, side: Side, place: usize, node: usize) -> bool {
+        let (medial, skin, crest) = (self.medial[node], self.side(side)[node], self.crest[place]);
         (crest - skin).norm() <= MERGED * (skin - medial).norm().max((crest - medial).norm())
     }
 }

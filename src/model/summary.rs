@@ -7,6 +7,7 @@ use super::figure::Sheet;
 use super::shell::{Shell, quad_area};
 use super::side::Side;
 use super::structure::Structure;
+use crate::numerics::stats::Weighted;
 
 /// Area-weighted statistics of a length, mm.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -86,27 +87,8 @@ pub fn node_areas(shell: Shell<'_>) -> Vec<f64> {
 }
 
 /// From pairs of a length and its weight; `None` without any.
-fn length_summary(mut weighted: Vec<(f64, f64)>) -> Option<LengthSummary> {
-    if weighted.is_empty() {
-        return None;
-    }
-    weighted.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let all: f64 = weighted.iter().map(|(_, weight)| weight).sum();
-    let mean = weighted.iter().map(|(length, weight)| length * weight).sum::<f64>() / all;
-    let variance = weighted.iter().map(|(length, weight)| (length - mean).powi(2) * weight).sum::<f64>() / all;
-    let [p5, p50, p95] = [0.05, 0.5, 0.95].map(|share| weighted_percentile(&weighted, share * all));
-    Some(LengthSummary { mean, sd: variance.sqrt(), p5, p50, p95 })
-}
-
-/// The first of the lengths, ascending with their weights, up to which `wanted` of the weight lies.
-fn weighted_percentile(ascending: &[(f64, f64)], wanted: f64) -> f64 {
-    let (mut below, mut reached) = (0.0, 0.0);
-    for &(length, weight) in ascending {
-        reached = length;
-        below += weight;
-        if below >= wanted {
-            break;
-        }
-    }
-    reached
+fn length_summary(weighted: Vec<(f64, f64)>) -> Option<LengthSummary> {
+    let lengths = Weighted::new(weighted)?;
+    let [p5, p50, p95] = [0.05, 0.5, 0.95].map(|share| lengths.percentile(share));
+    Some(LengthSummary { mean: lengths.mean(), sd: lengths.deviation(), p5, p50, p95 })
 }

@@ -17,6 +17,8 @@ pub mod flood;
 
 pub mod graph;
 
+pub mod spanning;
+
 pub mod eigen;
 
 pub mod sparse;

@@ -4,6 +4,10 @@ use rayon::prelude::*;
 
 use crate::cancel::{Cancel, Cancelled};
 
+/// Points of a surface that one thread takes at a time: with fewer, handing them over takes longer than the work; with
+/// more, small sheets are left to one thread.
+pub const POINTS_PER_TASK: usize = 256;
+
 /// What `work` makes of each item, in their order. A thread takes `per_task` items at the least; before each it looks
 /// whether to stop.
 ///
@@ -33,49 +37,25 @@ pub fn each_number<U: Send>(
     numbers.map(|number| cancel.check().map(|()| work(number))).collect()
 }
 
-/// Points that one thread takes at a time: with fewer, handing them over takes longer than the work; with more, small
-/// sheets are left to one thread.
-const POINTS_PER_TASK: usize = 256;
-
-/// The value of each of `0..count`.
+/// The same, with room to work in that is made for a thread's task and used for all of its numbers.
 ///
 /// # Errors
 /// When it is cancelled.
-pub fn of_each<T: Send>(
+pub fn each_number_within<R: Send, U: Send>(
     count: usize,
-    value: impl Fn(usize) -> T + Send + Sync,
-    cancel: &dyn Cancel,
-) -> Result<Vec<T>, Cancelled> {
-    each_number(count, POINTS_PER_TASK, value, cancel)
-}
-
-/// The value of each of `0..count`, with room to work in that is made for a thread's task and used for all of its points.
-///
-/// # Errors
-/// When it is cancelled.
-pub fn of_each_with<R: Send, T: Send>(
-    count: usize,
+    per_task: usize,
     room: impl Fn() -> R + Sync + Send,
-    value: impl Fn(&mut R, usize) -> T + Sync,
+    work: impl Fn(&mut R, usize) -> U + Sync,
     cancel: &dyn Cancel,
-) -> Result<Vec<T>, Cancelled> {
-    let checked = |room: &mut R, point: usize| cancel.check().map(|()| value(room, point));
-    (0..count).into_par_iter().with_min_len(POINTS_PER_TASK).map_init(room, checked).collect()
+) -> Result<Vec<U>, Cancelled> {
+    let checked = |room: &mut R, number: usize| cancel.check().map(|()| work(room, number));
+    (0..count).into_par_iter().with_min_len(per_task).map_init(room, checked).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cancel::Never;
-
-    /// Work that is to stop.
-    struct Stopped;
-
-    impl Cancel for Stopped {
-        fn is_cancelled(&self) -> bool {
-            true
-        }
-    }
+    use crate::cancel::{Never, Stopped};
 
     #[test]
     fn results_are_in_the_order_of_the_items() {
@@ -90,10 +70,13 @@ mod tests {
     }
 
     #[test]
-    fn values_come_in_the_order_of_the_points() {
+    fn room_to_work_in_changes_no_result() {
         let squares: Vec<usize> = (0..5000).map(|n| n * n).collect();
-        assert_eq!(of_each(5000, |n| n * n, &Never), Ok(squares));
-        assert_eq!(of_each(0, |n| n, &Stopped), Ok(Vec::new()));
-        assert_eq!(of_each(1, |n| n, &Stopped), Err(Cancelled));
+        let with_room = |room: &mut Vec<usize>, n: usize| {
+            room.push(n);
+            n * n
+        };
+        assert_eq!(each_number_within(5000, 256, Vec::new, with_room, &Never), Ok(squares));
+        assert_eq!(each_number_within(1, 1, Vec::new, with_room, &Stopped), Err(Cancelled));
     }
 }

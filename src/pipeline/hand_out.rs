@@ -49,7 +49,7 @@ fn figure(solid: &Solid, sheet: &SheetSides, draft: &Draft, quality: FigureQuali
         crest: solid.in_world(&nodes.crest),
         valid: nodes.valid.clone(),
         medial_radius_mm: nodes.radii.iter().map(|r| r * mm).collect(),
-        area_distortion: finite(FlatQuads::from(nodes).log_ratio_per_node()),
+        area_distortion: FlatQuads::from(nodes).log_ratio_per_node(),
         intrinsic: nodes.intrinsic.map(|points| in_mm(points, mm)),
         neighbors: flat.map(|flat| flat.embedded.map(|embedded| embedded.neighbors)),
         landmarks: flat.map(|flat| flat.embedded.map_or(0, |embedded| embedded.landmarks)),
@@ -85,8 +85,4 @@ fn junctions(solid: &Solid, surface: &MedialSurface, sheets: &Sheets, drafts: &[
         }
     }
     all
-}
-
-fn finite(values: Vec<f64>) -> Vec<Option<f64>> {
-    values.into_iter().map(|value| value.is_finite().then_some(value)).collect()
 }

@@ -12,6 +12,7 @@ use super::solid::cut_out::Label;
 use super::stages::stages;
 use crate::cancel::Cancelled;
 use crate::model::{Figure, LatticeSize, Sheet, Side, Structure, Uncertainty};
+use crate::numerics::stats::deviation;
 use crate::space::{LabelVolume, WorldPoint};
 
 /// Distance between the nodes of a figure and of its counterpart in a repeat, working voxels, root
@@ -141,15 +142,4 @@ fn order(LatticeSize { rows, cols }: LatticeSize, flips: usize) -> Vec<usize> {
 fn distance(points: &[WorldPoint], others: &[WorldPoint], order: &[usize]) -> f64 {
     let sum: f64 = points.iter().zip(order).map(|(p, &n)| (p - others[n]).norm_squared()).sum();
     (sum / points.len().max(1) as f64).sqrt()
-}
-
-/// Sample standard deviation; `None` for fewer than two values.
-fn deviation(values: &[f64]) -> Option<f64> {
-    let count = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / count;
-    let mut square = 0.0;
-    for value in values {
-        square += (value - mean).powi(2);
-    }
-    (values.len() > 1).then(|| (square / (count - 1.0)).sqrt())
 }

@@ -28,8 +28,12 @@ fn mirrored(mut nodes: Nodes) -> Nodes {
     nodes
 }
 
-fn parts(legality: &Legality) -> Vec<(Part, usize, usize)> {
-    legality.parts.iter().map(|p| (p.part, p.i, p.j)).collect()
+fn parts(legality: &Legality) -> Vec<(Part, LatticePlace)> {
+    legality.parts.iter().map(|illegal| (illegal.part, illegal.place)).collect()
+}
+
+fn at(side: Side, i: usize, j: usize) -> LatticePlace {
+    LatticePlace { side, i, j }
 }
 
 #[test]
@@ -49,7 +53,7 @@ fn a_node_on_the_wrong_side_names_the_cells_round_it() {
     let node = 2 * SIZE.cols + 3;
     nodes.upper[node].z = -1.0;
     let found = of(&nodes);
-    let cells = [(1, 2), (1, 3), (2, 2), (2, 3)].map(|(i, j)| (Part::UpperCell, i, j));
+    let cells = [(1, 2), (1, 3), (2, 2), (2, 3)].map(|(i, j)| (Part::Cell, at(Side::Upper, i, j)));
     assert_eq!(parts(&found), cells);
     // In each cell the corners at both ends of that one vector.
     assert_eq!((found.folds, found.folded_wedges), (8, 0));
@@ -70,7 +74,7 @@ fn a_side_that_lies_on_the_other_one_is_found() {
     nodes.lower.clone_from(&nodes.upper);
     let found = of(&nodes);
     assert_eq!(found.folds, found.corners / 2, "one of the two sides, as a whole");
-    assert!(found.parts.iter().all(|p| !p.part.is_upper()));
+    assert!(found.parts.iter().all(|illegal| illegal.place.side == Side::Lower));
     // Both sides exchanged is only another name for them.
     let mut nodes = flat_slab(SIZE);
     std::mem::swap(&mut nodes.upper, &mut nodes.lower);
@@ -89,10 +93,10 @@ fn a_cell_that_is_turned_over_only_in_its_middle_is_found() {
     }
     let found = of(&nodes);
     assert_eq!((found.folds, found.folded_centres), (0, 1));
-    let cell = Illegal { part: Part::UpperCell, i: 0, j: 0, corners: 0, is_centre_bad: true };
+    let cell = Illegal { part: Part::Cell, place: at(Side::Upper, 0, 0), corners: 0, is_centre_bad: true };
     assert_eq!(found.parts[0], cell);
     let quality = figure_quality(&drafted(nodes), &Never).unwrap();
-    assert_eq!((quality.folds, quality.folded_cells), (0, vec![LatticePlace { side: Side::Upper, i: 0, j: 0 }]));
+    assert_eq!((quality.folds, quality.folded_cells), (0, vec![at(Side::Upper, 0, 0)]));
 }
 
 #[test]
@@ -102,8 +106,8 @@ fn a_crest_point_inside_of_the_sheet_turns_four_wedges() {
     let node = ring(SIZE)[place];
     nodes.crest[place] = nodes.medial[node] - outward(SIZE, node) * 0.5;
     let found = of(&nodes);
-    let (upper, lower) = (Part::UpperWedge, Part::LowerWedge);
-    assert_eq!(parts(&found), [(upper, 0, 1), (upper, 0, 2), (lower, 0, 1), (lower, 0, 2)]);
+    let places = [(Side::Upper, 1), (Side::Upper, 2), (Side::Lower, 1), (Side::Lower, 2)];
+    assert_eq!(parts(&found), places.map(|(side, j)| (Part::Wedge, at(side, 0, j))));
     assert_eq!((found.folds, found.folded_wedges), (0, 4));
 }
 

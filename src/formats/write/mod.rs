@@ -18,3 +18,6 @@ pub mod tables;
 pub mod record;
 
 pub mod nifti;
+
+#[cfg(feature = "service")]
+pub(crate) use rounded::round;

@@ -5,7 +5,7 @@ use nalgebra::{Point2, Point3, Vector3};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// Six decimals, never −0.
-pub(super) fn round(x: f64) -> f64 {
+pub(crate) fn round(x: f64) -> f64 {
     let rounded = (x * 1e6).round() / 1e6;
     if rounded == 0.0 { 0.0 } else { rounded }
 }

@@ -333,7 +333,7 @@ mod tests {
     use std::f64::consts::PI;
 
     use super::*;
-    use crate::cancel::Never;
+    use crate::cancel::{Never, Stopped};
     use crate::numerics::field::id;
 
     /// The Laplacian of a grid of points that are joined along rows and columns.
@@ -452,14 +452,6 @@ mod tests {
         }
         assert_eq!(found(1.0, 1).err(), Some(EigenError::TooFewRows { rows: 1, needed: 2 }));
         assert_eq!(found(-1.0, 400).err(), Some(EigenError::NotPositive));
-    }
-
-    struct Stopped;
-
-    impl Cancel for Stopped {
-        fn is_cancelled(&self) -> bool {
-            true
-        }
     }
 
     #[test]

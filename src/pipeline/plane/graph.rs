@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::field::{floor_index, id};
 use crate::numerics::graph::{Edges, Graph, keep_shortest};
-use crate::numerics::parallel::{of_each, of_each_with};
+use crate::numerics::parallel::{POINTS_PER_TASK, each_number, each_number_within};
 use crate::params::Neighbors;
 use crate::pipeline::sheets::surface::Surface;
 
@@ -32,7 +32,7 @@ pub(super) fn neighborhood_graph(
 ) -> Result<(Graph, usize), Cancelled> {
     let count = surface.positions.len();
     let seen = |around: &mut Around, a: usize| around.seen_from(surface, a, neighbors, voxel_mm);
-    let mut lists = of_each_with(count, || Around::new(count), seen, cancel)?;
+    let mut lists = each_number_within(count, POINTS_PER_TASK, || Around::new(count), seen, cancel)?;
     add_other_ends(&mut lists, cancel)?;
     let order = in_tiles(&surface.positions);
     let graph = Graph::from_lists(&lists, &order, cancel)?;
@@ -46,7 +46,7 @@ pub(super) fn neighborhood_graph(
 
 /// Of two points, one may see the other only: an edge has two ends.
 fn add_other_ends(lists: &mut [Edges], cancel: &dyn Cancel) -> Result<(), Cancelled> {
-    let missing = of_each(lists.len(), |a| unseen_ends(lists, a), cancel)?;
+    let missing = each_number(lists.len(), POINTS_PER_TASK, |a| unseen_ends(lists, a), cancel)?;
     for (b, edge) in missing.into_iter().flatten() {
         lists[b as usize].push(edge);
     }

@@ -14,7 +14,7 @@ use super::geodesics::Geodesics;
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::eigen::leading_two;
 use crate::numerics::moments::mean;
-use crate::numerics::parallel::of_each;
+use crate::numerics::parallel::{POINTS_PER_TASK, each_number};
 
 /// Second eigenvalue over the first up to which points lie on a line: a plane a thousandth as wide as it
 /// is long. Lengths of edges are kept to a few digits less.
@@ -36,7 +36,7 @@ pub(super) fn isomap(geodesics: &Geodesics, cancel: &dyn Cancel) -> Result<Optio
     }
     let axes = [0, 1].map(|k| leading.vectors[k].scale(1.0 / leading.values[k].sqrt()));
     let scaling = Scaling { geodesics, means, axes };
-    let mut points = of_each(geodesics.distances[0].len(), |p| scaling.place(p), cancel)?;
+    let mut points = each_number(geodesics.distances[0].len(), POINTS_PER_TASK, |p| scaling.place(p), cancel)?;
     let centre = mean(&points);
     for p in &mut points {
         *p -= centre;

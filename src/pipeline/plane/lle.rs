@@ -24,7 +24,7 @@ use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::field::id;
 use crate::numerics::graph::{Edges, keep_shortest};
 use crate::numerics::moments::Axes3;
-use crate::numerics::parallel::{of_each, of_each_with};
+use crate::numerics::parallel::{POINTS_PER_TASK, each_number, each_number_within};
 use crate::numerics::sparse::{EigenError, Memberships, RowSums, Smallest, Sparse, smallest};
 use crate::numerics::stats::median;
 
@@ -75,10 +75,10 @@ struct Patch<'a> {
 /// M. Its rows hold the points that share a neighbourhood, 60 to 70 of them.
 fn matrix(positions: &[Point3<f64>], lists: &[Edges], cancel: &dyn Cancel) -> Result<Sparse, Cancelled> {
     let count = positions.len();
-    let near = of_each(count, |a| nearest(&lists[a]), cancel)?;
-    let bents = of_each(count, |a| Spread::of(positions, a, &near[a]).bent(), cancel)?;
+    let near = each_number(count, POINTS_PER_TASK, |a| nearest(&lists[a]), cancel)?;
+    let bents = each_number(count, POINTS_PER_TASK, |a| Spread::of(positions, a, &near[a]).bent(), cancel)?;
     let flat = median(bents).unwrap_or(0.0).max(FLAT);
-    let patches = of_each(count, |a| Patch::of(positions, a, &near[a], flat), cancel)?;
+    let patches = each_number(count, POINTS_PER_TASK, |a| Patch::of(positions, a, &near[a], flat), cancel)?;
     let memberships = Memberships::of(&near);
     let row = |sums: &mut RowSums, a: usize| {
         for &(centre, place) in memberships.of_point(a) {
@@ -87,7 +87,7 @@ fn matrix(positions: &[Point3<f64>], lists: &[Edges], cancel: &dyn Cancel) -> Re
         patches[a].add_centre(id(a), sums);
         sums.take()
     };
-    Ok(Sparse::from_rows(of_each_with(count, || RowSums::new(count), row, cancel)?))
+    Ok(Sparse::from_rows(each_number_within(count, POINTS_PER_TASK, || RowSums::new(count), row, cancel)?))
 }
 
 /// The nearest along the graph, ascending.

@@ -12,7 +12,7 @@ use nalgebra::{Matrix2, Matrix3, Matrix3x2, Point2, Point3, SymmetricEigen, Vect
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::cells::Cells;
 use crate::numerics::moments::{Axes2, Axes3};
-use crate::numerics::parallel::of_each;
+use crate::numerics::parallel::{POINTS_PER_TASK, each_number};
 use crate::numerics::stats::median;
 use crate::pipeline::sheets::sides::SheetSides;
 use crate::pipeline::solid::depth::Depth;
@@ -88,7 +88,7 @@ struct Strip {
 /// When it is cancelled.
 pub fn unfolded(sheet: &SheetSides, flat: &[Point2<f64>], cancel: &dyn Cancel) -> Result<Vec<Point2<f64>>, Cancelled> {
     let strips = Strips::of(sheet, flat, cancel)?;
-    of_each(flat.len(), |k| strips.unfolded(k), cancel)
+    each_number(flat.len(), POINTS_PER_TASK, |k| strips.unfolded(k), cancel)
 }
 
 /// The sheet's points, followed by those that widen its thin strips.
@@ -103,7 +103,7 @@ pub fn widened(
 ) -> Result<SheetPoints, Cancelled> {
     let strips = Strips::of(sheet, flat, cancel)?;
     let least_radius = LEAST_RADIUS * median(sheet.radii.clone()).unwrap_or(0.0);
-    let added = of_each(flat.len(), |k| strips.beside(k, least_radius, depth), cancel)?;
+    let added = each_number(flat.len(), POINTS_PER_TASK, |k| strips.beside(k, least_radius, depth), cancel)?;
     let mut points =
         SheetPoints { flat: flat.to_vec(), positions: sheet.medial.positions.clone(), radii: sheet.radii.clone() };
     for (flat, position, radius) in added.into_iter().flatten() {
@@ -133,7 +133,7 @@ impl<'a> Strips<'a> {
     fn of(sheet: &'a SheetSides, flat: &'a [Point2<f64>], cancel: &dyn Cancel) -> Result<Self, Cancelled> {
         let mut strips = Self { sheet, flat, cells: Cells::new(flat, REACH), hand: 1.0 };
         // Summed in the order of the points, not in that of the threads.
-        let turns = of_each(flat.len(), |k| strips.turn(k), cancel)?;
+        let turns = each_number(flat.len(), POINTS_PER_TASK, |k| strips.turn(k), cancel)?;
         if turns.into_iter().sum::<f64>() < 0.0 {
             strips.hand = -1.0;
         }

@@ -13,8 +13,6 @@
 //! values s ≥ t the angles of an equilateral triangle change by (2 √3 / π) asin((s − t) / (s + t)) on average, over its
 //! turns: that is the angle error.
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
 use std::f64::consts::PI;
 
 use nalgebra::{Matrix2, Matrix3, Point2, Point3, SymmetricEigen, Vector2, Vector3};
@@ -22,7 +20,8 @@ use nalgebra::{Matrix2, Matrix3, Point2, Point3, SymmetricEigen, Vector2, Vector
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::field::id;
 use crate::numerics::moments::Axes3;
-use crate::numerics::parallel::{of_each, of_each_with};
+use crate::numerics::parallel::{POINTS_PER_TASK, each_number, each_number_within};
+use crate::numerics::spanning::along_strongest;
 use crate::pipeline::plane::graph::Around;
 use crate::pipeline::sheets::surface::Surface;
 
@@ -81,11 +80,12 @@ impl Tangents {
     pub fn of(surface: &Surface, cancel: &dyn Cancel) -> Result<Self, Cancelled> {
         let count = surface.positions.len();
         let near = |around: &mut Around, a: usize| points_near(surface, around, a);
-        let lists = of_each_with(count, || Around::new(count), near, cancel)?;
-        let spreads = of_each(count, |a| Spread::around(&surface.positions, a, &lists[a]), cancel)?;
+        let lists = each_number_within(count, POINTS_PER_TASK, || Around::new(count), near, cancel)?;
+        let spreads =
+            each_number(count, POINTS_PER_TASK, |a| Spread::around(&surface.positions, a, &lists[a]), cancel)?;
         let turned = turned(surface, &spreads, cancel)?;
         let tangent = |a: usize| Tangent::of(&surface.positions, a, &lists[a], &spreads[a], turned[a]);
-        let planes = of_each(count, tangent, cancel)?;
+        let planes = each_number(count, POINTS_PER_TASK, tangent, cancel)?;
         Ok(Self { planes: planes.into_iter().flatten().collect() })
     }
 
@@ -198,34 +198,21 @@ impl Tangent {
 /// Whose normals must be turned for all to agree along the sheet.
 fn turned(surface: &Surface, spreads: &[Spread], cancel: &dyn Cancel) -> Result<Vec<bool>, Cancelled> {
     let mut turned = vec![false; spreads.len()];
-    let mut is_told = vec![false; spreads.len()];
-    for start in 0..spreads.len() {
-        let mut heap = BinaryHeap::new();
-        heap.push((0u64, Reverse(id(start)), id(start)));
-        while let Some((_, Reverse(to), from)) = heap.pop() {
-            cancel.check()?;
-            let (to, from) = (to as usize, from as usize);
-            if std::mem::replace(&mut is_told[to], true) {
-                continue;
-            }
-            let agree = spreads[to].axes[2].dot(&spreads[from].axes[2]) >= 0.0;
-            // A first point is its own neighbour: it is not turned.
-            turned[to] = turned[from] == agree;
-            for &next in &surface.adjacency[to] {
-                if !is_told[next as usize] {
-                    heap.push((parallel(&spreads[to], &spreads[next as usize]), Reverse(next), id(to)));
-                }
-            }
-        }
-    }
+    let tell = |to: usize, from: usize| {
+        let agree = spreads[to].axes[2].dot(&spreads[from].axes[2]) >= 0.0;
+        // A first point is its own neighbour: it is not turned.
+        turned[to] = turned[from] == agree;
+    };
+    let parallel = |a: usize, b: usize| parallel(&spreads[a], &spreads[b]);
+    along_strongest(&surface.adjacency, parallel, tell, cancel)?;
     Ok(turned)
 }
 
 /// How surely two points' normals tell each other's sense: more where they are more parallel, least where one has
 /// no tangent plane.
-fn parallel(a: &Spread, b: &Spread) -> u64 {
+fn parallel(a: &Spread, b: &Spread) -> f64 {
     let both = f64::from(u8::from(a.is_plane && b.is_plane));
-    (both + a.axes[2].dot(&b.axes[2]).abs()).to_bits()
+    both + a.axes[2].dot(&b.axes[2]).abs()
 }
 
 #[cfg(test)]

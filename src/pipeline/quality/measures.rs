@@ -97,10 +97,10 @@ impl<'a> FlatQuads<'a> {
     }
 
     /// Natural logarithm of the area ratio of the quads round each node, one per node: above 0
-    /// where the plane shows the sheet too small. Not a number for a node without a quad, nor
-    /// finite where its quads have no area.
+    /// where the plane shows the sheet too small. `None` for a node without a quad, and where its
+    /// quads have no area.
     #[must_use]
-    pub fn log_ratio_per_node(&self) -> Vec<f64> {
+    pub fn log_ratio_per_node(&self) -> Vec<Option<f64>> {
         let mut round = vec![[0.0; 2]; self.space.len()];
         for (quad, [in_space, in_plane]) in self.quads.iter().zip(&self.areas) {
             for &node in &quad.nodes {
@@ -108,7 +108,7 @@ impl<'a> FlatQuads<'a> {
                 round[node][1] += in_plane;
             }
         }
-        round.into_iter().map(|areas| self.ratio(areas).ln()).collect()
+        round.into_iter().map(|areas| Some(self.ratio(areas).ln()).filter(|log| log.is_finite())).collect()
     }
 }
 

@@ -30,7 +30,7 @@ pub mod verdict;
 
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::{
-    EmbeddingQuality, FigureQuality, LatticePlace, PerSurface, Repair, Shell, Side, StructureQuality, closed,
+    EmbeddingQuality, FigureQuality, LatticePlace, PerSurface, Repair, Shell, StructureQuality, closed,
 };
 use crate::numerics::triangles::self_intersections;
 use crate::pipeline::context::Context;
@@ -46,7 +46,7 @@ use crate::pipeline::quality::verdict::judge;
 use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::depth::Depth;
 use crate::pipeline::vectors::Nodes;
-use crate::pipeline::vectors::legality::{Illegal, legality};
+use crate::pipeline::vectors::legality::{Illegal, Part, legality};
 
 /// How far the figures of a structure can be trusted, and the structure itself.
 #[derive(Clone, Debug, Default)]
@@ -108,9 +108,9 @@ pub fn figure_quality(draft: &Draft, cancel: &dyn Cancel) -> Result<FigureQualit
         embedding,
         folds: legality.folds,
         corners: legality.corners,
-        folded_cells: places(&legality.parts, false),
+        folded_cells: places(&legality.parts, Part::Cell),
         folded_centres: legality.folded_centres,
-        folded_wedges: places(&legality.parts, true),
+        folded_wedges: places(&legality.parts, Part::Wedge),
         repair: if is_untouched { Repair { folds_before: legality.folds, ..Repair::default() } } else { repair },
         self_intersections: crossings(shell, cancel)?,
         spacing_variation: spacing_variation(nodes.size, &nodes.medial),
@@ -130,15 +130,9 @@ fn embedding_quality(flat: &Flat, distortion: Option<PlaneDistortion>) -> Option
     })
 }
 
-/// Where the cells, or the wedges, among illegal parts are.
-fn places(parts: &[Illegal], are_wedges: bool) -> Vec<LatticePlace> {
-    let mut places = Vec::new();
-    for &Illegal { part, i, j, .. } in parts {
-        if part.is_wedge() == are_wedges {
-            places.push(LatticePlace { side: if part.is_upper() { Side::Upper } else { Side::Lower }, i, j });
-        }
-    }
-    places
+/// Where the parts of a kind among illegal ones are.
+fn places(parts: &[Illegal], kind: Part) -> Vec<LatticePlace> {
+    parts.iter().filter(|illegal| illegal.part == kind).map(|illegal| illegal.place).collect()
 }
 
 /// Pairs of triangles of the closed surface that run through each other; `None` without a closed surface.

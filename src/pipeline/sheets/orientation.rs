@@ -1,14 +1,11 @@
 //! Normals of a sheet that agree with one another, if there are such.
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
-
 use nalgebra::Vector3;
 
 use super::surface::Surface;
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::Refusal;
-use crate::numerics::field::id;
+use crate::numerics::spanning::along_strongest;
 use crate::pipeline::PipelineError;
 use crate::pipeline::medial::MedialSurface;
 use crate::pipeline::solid::Solid;
@@ -84,28 +81,14 @@ fn oriented_normals(
 /// Turns normals to agree with their neighbours, along the links where they are most parallel
 /// first (a maximum spanning tree; Hoppe et al., SIGGRAPH 1992).
 fn propagate(medial: &Surface, normals: &mut [Vector3<f64>], cancel: &dyn Cancel) -> Result<(), Cancelled> {
-    let mut is_done = vec![false; normals.len()];
-    for start in 0..normals.len() {
-        let mut heap = BinaryHeap::new();
-        heap.push((0u64, Reverse(id(start)), id(start)));
-        while let Some((_, Reverse(to), from)) = heap.pop() {
-            cancel.check()?;
-            let (to, from) = (to as usize, from as usize);
-            if std::mem::replace(&mut is_done[to], true) {
-                continue;
-            }
-            if normals[to].dot(&normals[from]) < 0.0 {
-                normals[to] = -normals[to];
-            }
-            for &next in &medial.adjacency[to] {
-                if !is_done[next as usize] {
-                    let parallel = normals[to].dot(&normals[next as usize]).abs();
-                    heap.push((parallel.to_bits(), Reverse(next), id(to)));
-                }
-            }
+    let axes = normals.to_vec();
+    let parallel = |a: usize, b: usize| axes[a].dot(&axes[b]).abs();
+    let agree = |to: usize, from: usize| {
+        if normals[to].dot(&normals[from]) < 0.0 {
+            normals[to] = -normals[to];
         }
-    }
-    Ok(())
+    };
+    along_strongest(&medial.adjacency, parallel, agree, cancel)
 }
 
 /// Refuses a sheet on which normals that agree with their neighbours one by one do not all agree.

@@ -14,41 +14,15 @@
 
 use nalgebra::{Point3, Vector3};
 
-use crate::model::{EdgeStep, Quad, Shell};
+use crate::model::{EdgeStep, LatticePlace, Quad, Shell, Side};
 
 /// Kind of a part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// Between the medial and the upper quad.
-    UpperCell,
-    /// Between the medial and the lower quad.
-    LowerCell,
-    /// Between edge, upper nodes and crest.
-    UpperWedge,
-    /// Between edge, lower nodes and crest.
-    LowerWedge,
-}
-
-impl Part {
-    fn cell(is_upper: bool) -> Self {
-        if is_upper { Self::UpperCell } else { Self::LowerCell }
-    }
-
-    fn wedge(is_upper: bool) -> Self {
-        if is_upper { Self::UpperWedge } else { Self::LowerWedge }
-    }
-
-    /// Whether it lies on the upper side.
-    #[must_use]
-    pub fn is_upper(self) -> bool {
-        matches!(self, Self::UpperCell | Self::UpperWedge)
-    }
-
-    /// Whether it is a wedge of the crest.
-    #[must_use]
-    pub fn is_wedge(self) -> bool {
-        matches!(self, Self::UpperWedge | Self::LowerWedge)
-    }
+    /// Between a medial quad and the quad of a side.
+    Cell,
+    /// Between edge, nodes of a side and crest.
+    Wedge,
 }
 
 /// A part that is turned over somewhere.
@@ -56,11 +30,9 @@ impl Part {
 pub struct Illegal {
     /// What it is.
     pub part: Part,
-    /// Row of its first node: of a cell the one with the lowest i and j, of a wedge the one that
+    /// Its side and first node: of a cell the one with the lowest i and j, of a wedge the one that
     /// comes first in the ring.
-    pub i: usize,
-    /// Column of that node.
-    pub j: usize,
+    pub place: LatticePlace,
     /// Bad corners, of 8 or 6.
     pub corners: usize,
     /// Whether the centre is bad.
@@ -98,25 +70,27 @@ impl Legality {
 #[must_use]
 pub fn legality(shell: Shell<'_>) -> Legality {
     let mut found = Legality { orientation: orientation(shell), ..Legality::default() };
-    for is_upper in [true, false] {
+    for side in Side::BOTH {
         for quad in shell.quads() {
-            let jacobians = cell_jacobians(shell, is_upper, quad);
+            let jacobians = cell_jacobians(shell, side, quad);
             found.checked += jacobians.len();
             found.corners += jacobians.len() - 1;
-            let expected = expected(found.orientation, is_upper);
-            if let Some(cell) = judged(&jacobians.map(Some), expected, Part::cell(is_upper), (quad.i, quad.j)) {
+            let expected = expected(found.orientation, side);
+            let place = LatticePlace { side, i: quad.i, j: quad.j };
+            if let Some(cell) = judged(&jacobians.map(Some), expected, Part::Cell, place) {
                 found.folds += cell.corners;
                 found.folded_centres += usize::from(cell.is_centre_bad);
                 found.parts.push(cell);
             }
         }
     }
-    for is_upper in [true, false] {
+    for side in Side::BOTH {
         for step in shell.edge_steps() {
-            let jacobians = wedge_jacobians(shell, is_upper, step);
+            let jacobians = wedge_jacobians(shell, side, step);
             found.checked += jacobians.iter().flatten().count();
-            let at = (step.nodes[0] / shell.size.cols, step.nodes[0] % shell.size.cols);
-            if let Some(wedge) = judged(&jacobians, expected(found.orientation, is_upper), Part::wedge(is_upper), at) {
+            let (i, j) = (step.nodes[0] / shell.size.cols, step.nodes[0] % shell.size.cols);
+            let (expected, place) = (expected(found.orientation, side), LatticePlace { side, i, j });
+            if let Some(wedge) = judged(&jacobians, expected, Part::Wedge, place) {
                 found.folded_wedges += 1;
                 found.parts.push(wedge);
             }
@@ -130,31 +104,34 @@ pub fn legality(shell: Shell<'_>) -> Legality {
 /// named.
 #[must_use]
 pub fn orientation(shell: Shell<'_>) -> f64 {
-    let (upper, lower) = (positive_less_negative(shell, true), positive_less_negative(shell, false));
+    let (upper, lower) = (positive_less_negative(shell, Side::Upper), positive_less_negative(shell, Side::Lower));
     let decided = if upper == lower { upper } else { upper - lower };
     if decided >= 0 { 1.0 } else { -1.0 }
 }
 
 /// How many more Jacobians of the cells of a side are positive than negative.
-fn positive_less_negative(shell: Shell<'_>, is_upper: bool) -> i64 {
+fn positive_less_negative(shell: Shell<'_>, side: Side) -> i64 {
     let mut votes = 0;
     for quad in shell.quads() {
-        for jacobian in cell_jacobians(shell, is_upper, quad) {
+        for jacobian in cell_jacobians(shell, side, quad) {
             votes += i64::from(jacobian > 0.0) - i64::from(jacobian < 0.0);
         }
     }
     votes
 }
 
-fn expected(orientation: f64, is_upper: bool) -> f64 {
-    if is_upper { orientation } else { -orientation }
+fn expected(orientation: f64, side: Side) -> f64 {
+    match side {
+        Side::Upper => orientation,
+        Side::Lower => -orientation,
+    }
 }
 
 /// The last Jacobian is that of the centre.
-fn judged(jacobians: &[Option<f64>], expected: f64, part: Part, (i, j): (usize, usize)) -> Option<Illegal> {
+fn judged(jacobians: &[Option<f64>], expected: f64, part: Part, place: LatticePlace) -> Option<Illegal> {
     let (centre, corners) = jacobians.split_last()?;
     let corners = corners.iter().filter(|corner| is_bad(**corner, expected)).count();
-    let found = Illegal { part, i, j, corners, is_centre_bad: is_bad(*centre, expected) };
+    let found = Illegal { part, place, corners, is_centre_bad: is_bad(*centre, expected) };
     (found.corners > 0 || found.is_centre_bad).then_some(found)
 }
 
@@ -165,8 +142,8 @@ fn is_bad(jacobian: Option<f64>, expected: f64) -> bool {
 
 /// Jacobians of the trilinear map of a cell: four corners on the medial quad, four on the
 /// surface, the centre.
-fn cell_jacobians(shell: Shell<'_>, is_upper: bool, quad: Quad) -> [f64; 9] {
-    cell_edges([quad.corners(shell.medial), quad.corners(shell.skin(is_upper))]).map(determinant)
+fn cell_jacobians(shell: Shell<'_>, side: Side, quad: Quad) -> [f64; 9] {
+    cell_edges([quad.corners(shell.medial), quad.corners(shell.side(side))]).map(determinant)
 }
 
 /// The derivatives along i, along j and across, in the same nine places, of the trilinear map of the
@@ -197,9 +174,9 @@ struct End {
 }
 
 impl End {
-    fn of(shell: Shell<'_>, is_upper: bool, place: usize, node: usize) -> Self {
-        let (medial, crest, skin) = (shell.medial[node], shell.crest[place], shell.skin(is_upper)[node]);
-        Self { medial, crest, skin, is_merged: shell.is_merged(is_upper, place, node) }
+    fn of(shell: Shell<'_>, side: Side, place: usize, node: usize) -> Self {
+        let (medial, crest, skin) = (shell.medial[node], shell.crest[place], shell.side(side)[node]);
+        Self { medial, crest, skin, is_merged: shell.is_merged(side, place, node) }
     }
 }
 
@@ -207,9 +184,9 @@ impl End {
 /// of the side. At an end where the crest has merged with the surface node the triangle has no
 /// area and the corners have no sign; a wedge merged at both ends has no volume. That is a sharp
 /// rim, nothing is turned over there, and nothing is looked at (`None`).
-fn wedge_jacobians(shell: Shell<'_>, is_upper: bool, step: EdgeStep) -> [Option<f64>; 7] {
-    let here = End::of(shell, is_upper, step.here, step.nodes[0]);
-    let next = End::of(shell, is_upper, step.next, step.nodes[1]);
+fn wedge_jacobians(shell: Shell<'_>, side: Side, step: EdgeStep) -> [Option<f64>; 7] {
+    let here = End::of(shell, side, step.here, step.nodes[0]);
+    let next = End::of(shell, side, step.next, step.nodes[1]);
     let along = [next.medial - here.medial, next.crest - here.crest, next.skin - here.skin];
     let mut jacobians = [None; 7];
     let (mut crest, mut skin) = (Vector3::zeros(), Vector3::zeros());

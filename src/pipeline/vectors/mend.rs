@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 
 use nalgebra::Vector3;
 
-use super::legality::legality;
+use super::legality::{Part, legality};
 use super::nodes::Nodes;
 use super::shorten::CUT;
 use super::spread::nodes_around;
@@ -74,8 +74,8 @@ pub fn mend_crest(nodes: &mut Nodes, level: &Field, cancel: &dyn Cancel) -> Resu
 fn turned_over(nodes: &Nodes, edge: &[usize]) -> BTreeSet<usize> {
     let mut bad = BTreeSet::new();
     for illegal in legality(nodes.into()).parts {
-        if illegal.part.is_wedge() {
-            let node = illegal.i * nodes.size.cols + illegal.j;
+        if illegal.part == Part::Wedge {
+            let node = illegal.place.i * nodes.size.cols + illegal.place.j;
             let here = edge.iter().position(|&n| n == node).unwrap_or(0);
             bad.extend([here, (here + 1) % edge.len()]);
         }
