@@ -1,5 +1,5 @@
 //! `medialrep check`: whether a service can run as it is set up, and whether what it keeps is whole.
-//! Reads only; a service may run beside it.
+//! Changes nothing, but that it brings an older database up to date as each command does; a service may run beside it.
 
 use std::fs;
 use std::os::unix::fs::MetadataExt;

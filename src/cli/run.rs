@@ -98,15 +98,13 @@ fn read_params(argument: &str) -> Result<CheckedParams, Box<Problem>> {
             usage("cannot_open_params", detail, "--params", CHECK_PATH)
         })?,
     };
-    params_json::parse(&text).map_err(|error| {
-        let problem = Problem::from(&error);
-        let is_path = problem.code == "malformed_params" && Path::new(argument).is_file();
-        Box::new(if is_path {
-            problem.hint(format!("write --params @{argument} to read them from that file"))
-        } else {
-            problem
-        })
-    })
+    let problem = match params_json::parse(&text) {
+        Ok(params) => return Ok(params),
+        Err(error) => Problem::from(&error),
+    };
+    let is_path = problem.code == "malformed_params" && Path::new(argument).is_file();
+    let hint = format!("write --params @{argument} to read them from that file");
+    Err(Box::new(if is_path { problem.hint(hint) } else { problem }))
 }
 
 const CHECK_PATH: &str = "check the path";

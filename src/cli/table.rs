@@ -66,7 +66,7 @@ fn row(structure: &StructureSummary) -> Row {
             found.figures.to_string(),
             found.verdict.name().to_owned(),
             found.mean_thickness_mm.map_or("-".to_owned(), |mean_mm| format!("{mean_mm:.2} mm")),
-            found.reasons.first().map_or(String::new(), |reason| reason.message.clone()),
+            found.reason.as_ref().map_or(String::new(), |reason| reason.message.clone()),
         ],
     };
     let style = match structure.found.as_ref().map(|found| found.verdict) {
@@ -165,8 +165,8 @@ fn line(index: usize, structure: &StructureSummary) -> StructureLine<'_> {
             StructureLine { index, label, name, figures: 0, verdict, mean_thickness_mm: None, reason: None, refusal }
         }
         Ok(found) => {
-            let first = found.reasons.first();
-            let reason = first.map(|reason| Told { code: &reason.code, message: reason.message.clone(), hint: None });
+            let reason = found.reason.as_ref();
+            let reason = reason.map(|reason| Told { code: &reason.code, message: reason.message.clone(), hint: None });
             let mean_thickness_mm = found.mean_thickness_mm.map(round);
             let (figures, verdict) = (found.figures, found.verdict.name());
             StructureLine { index, label, name, figures, verdict, mean_thickness_mm, reason, refusal: None }
@@ -183,8 +183,8 @@ mod tests {
 
     fn measured(label: i64, verdict: Verdict, mean_mm: Option<f64>, reason: &str) -> StructureSummary {
         let reason = Reason { code: "dice".into(), message: reason.to_owned(), value: 0.8, threshold: 0.9 };
-        let reasons = if verdict == Verdict::Pass { vec![] } else { vec![reason] };
-        let found = Measured { figures: 2, verdict, mean_thickness_mm: mean_mm, reasons };
+        let reason = (verdict != Verdict::Pass).then_some(reason);
+        let found = Measured { figures: 2, verdict, mean_thickness_mm: mean_mm, reason };
         StructureSummary { label, name: None, found: Ok(found) }
     }
 

@@ -64,7 +64,7 @@ const CORS_MAX_AGE: Duration = Duration::from_secs(600);
 #[openapi(
     info(
         title = "medialrep",
-        description = "Medial shape representation of anatomy: a label mask (NIfTI) in, the medial sheet, surfaces \
+        description = "Medial shape representation of anatomy: a label mask in, the medial sheet, surfaces \
                        and thickness vectors out. Every error is a problem object (RFC 9457) with a stable `code`. \
                        Any path may answer 404 `no_such_route`, 405 `method_not_allowed`, 500 `internal` and 503 \
                        `store_unavailable`.",

@@ -18,7 +18,7 @@ use crate::problem::Problem;
 
 /// What is where.
 pub(super) const INDEX: &str = "\
-medialrep: a label mask (NIfTI) in, its medial sheet, surfaces and thickness vectors out.
+medialrep: a label mask in, its medial sheet, surfaces and thickness vectors out.
 
   POST   /v1/jobs                      the mask as the body, or a form with mask and params
   GET    /v1/jobs                      your jobs, newest first

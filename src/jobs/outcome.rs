@@ -37,7 +37,7 @@ pub struct Measured {
     /// Mean of the total thickness over the area of all sheets, mm; `None` without any area.
     pub mean_thickness_mm: Option<f64>,
     /// Why the verdict is not a pass.
-    pub reasons: Vec<Reason>,
+    pub reason: Option<Reason>,
 }
 
 impl From<&Structure> for StructureSummary {
@@ -48,7 +48,7 @@ impl From<&Structure> for StructureSummary {
                 figures: structure.figures.len(),
                 verdict: structure.quality.verdict,
                 mean_thickness_mm: structure.thickness_summary().total_mm.map(|summary| summary.mean),
-                reasons: structure.quality.reasons.clone(),
+                reason: structure.quality.deciding_reason().cloned(),
             }),
         };
         Self { label: structure.label, name: structure.name.clone(), found }

@@ -192,6 +192,27 @@ pub struct Threshold {
     pub fail: Option<f64>,
 }
 
+impl Threshold {
+    /// What this measure alone says.
+    #[must_use]
+    pub fn verdict(&self) -> Verdict {
+        if self.is_beyond(self.fail) {
+            Verdict::Fail
+        } else if self.is_beyond(self.warn) {
+            Verdict::Warn
+        } else {
+            Verdict::Pass
+        }
+    }
+
+    /// Whether the measure is not on the good side of a limit, if there is one. What is no number is on none.
+    fn is_beyond(&self, limit: Option<f64>) -> bool {
+        let Some(limit) = limit else { return false };
+        let is_good = if self.is_bad_below { self.value >= limit } else { self.value <= limit };
+        !is_good
+    }
+}
+
 /// How good a structure is.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StructureQuality {
@@ -225,4 +246,15 @@ pub struct StructureQuality {
     pub medial_offset: MeanAndP95,
     /// Sheets of the medial surface that were pruned.
     pub pruned_sheets: usize,
+}
+
+impl StructureQuality {
+    /// The first of the reasons that are as bad as the verdict; `None` for a pass. A failure is not told by what is
+    /// only a warning.
+    #[must_use]
+    pub fn deciding_reason(&self) -> Option<&Reason> {
+        let mut deciding = self.thresholds.iter().filter(|threshold| threshold.verdict() == self.verdict);
+        let code = &deciding.next()?.code;
+        self.reasons.iter().find(|reason| reason.code == *code)
+    }
 }

@@ -61,15 +61,25 @@ fn repeated(
     let (muted, done) = (Muted(context.observer), AtomicUsize::new(0));
     let repeat = |number: usize| {
         let context_of_repeat = context.of_repeat(Repeat { number: number as u64, sizes }, &muted);
-        let mut structure = blank.clone();
-        if let Err(PipelineError::Cancelled(stop)) = stages(volume, label, &context_of_repeat, &mut structure) {
-            return Err(stop);
-        }
+        let figures = figures_of(volume, label, &context_of_repeat, blank.clone())?;
         let done = done.fetch_add(1, Ordering::Relaxed) + 1;
         context.observer.repeated(context.structure, context.structures, done, repeats);
-        Ok(structure.figures)
+        Ok(figures)
     };
     (1..=repeats).into_par_iter().map(repeat).collect()
+}
+
+/// The figures of one run; none where it is refused.
+fn figures_of(
+    volume: &LabelVolume,
+    label: Label,
+    context: &Context<'_>,
+    mut structure: Structure,
+) -> Result<Vec<Figure>, Cancelled> {
+    match stages(volume, label, context, &mut structure) {
+        Err(PipelineError::Cancelled(stop)) => Err(stop),
+        _ => Ok(structure.figures),
+    }
 }
 
 /// The spread of the lengths that the sheet's counterparts have.

@@ -115,20 +115,19 @@ fn twisted() -> Patch {
 /// Runs back along an arc, as the caudate nucleus does: s along from the head to the tail, t
 /// across.
 fn leaf() -> Patch {
-    let half_width = |s: f64| 3.0 + 9.0 * (PI * (0.10 + 0.85 * s.powf(0.62))).sin();
-    Patch::new(
-        move |s, t| {
-            let (sin, cos) = (-0.75 + 1.95 * s).sin_cos();
-            let axis = Vector3::new(0.0, -32.0 * sin, 32.0 * cos);
-            let outward = Vector3::new(0.0, -sin, cos);
-            let (tilt_sin, tilt_cos) = (0.35 + 0.9 * s).sin_cos();
-            let ruling = Vector3::x() * tilt_cos + outward * tilt_sin;
-            let across = centred(t) * half_width(s);
-            let sag = outward * (-0.012 * across * across * tilt_cos);
-            Point3::from(axis + ruling * across + sag)
-        },
-        |s, t| (2.5 + 3.2 * (-(s - 0.18).powi(2) / 0.07).exp()) * (1.0 - 0.35 * centred(t).powi(2)),
-    )
+    Patch::new(on_leaf, |s, t| (2.5 + 3.2 * (-(s - 0.18).powi(2) / 0.07).exp()) * (1.0 - 0.35 * centred(t).powi(2)))
+}
+
+fn on_leaf(s: f64, t: f64) -> Point3<f64> {
+    let half_width = 3.0 + 9.0 * (PI * (0.10 + 0.85 * s.powf(0.62))).sin();
+    let (sin, cos) = (-0.75 + 1.95 * s).sin_cos();
+    let axis = Vector3::new(0.0, -32.0 * sin, 32.0 * cos);
+    let outward = Vector3::new(0.0, -sin, cos);
+    let (tilt_sin, tilt_cos) = (0.35 + 0.9 * s).sin_cos();
+    let ruling = Vector3::x() * tilt_cos + outward * tilt_sin;
+    let across = centred(t) * half_width;
+    let sag = outward * (-0.012 * across * across * tilt_cos);
+    Point3::from(axis + ruling * across + sag)
 }
 
 /// Flat strips that leave the z axis at the given angles.

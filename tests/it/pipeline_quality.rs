@@ -281,6 +281,15 @@ fn the_thresholds_reproduce_the_verdict() {
 }
 
 #[test]
+fn a_failure_is_told_by_what_fails() {
+    let code_of = |change: fn(&mut StructureQuality)| judged(change).deciding_reason().map(|r| r.code.to_string());
+    assert_eq!(code_of(|_| ()), None);
+    assert_eq!(code_of(|q| q.coverage.dice = 0.8).as_deref(), Some("dice"));
+    let warned_of_first = code_of(|q| (q.coverage.dice, q.spacing_variation) = (0.8, 0.5));
+    assert_eq!(warned_of_first.as_deref(), Some("spacing_variation"));
+}
+
+#[test]
 fn a_count_is_told_as_a_count() {
     let quality = judged(|q| q.folded_wedges = 3);
     let message = "the crest is turned over: the number of its wedges is 3, none is allowed";

@@ -45,26 +45,7 @@ pub fn judge(quality: &mut StructureQuality, figures: &[FigureQuality], voxel_mm
     let table = table(quality, figures, voxel_mm);
     quality.reasons = table.iter().filter_map(reason).collect();
     quality.thresholds = table.into_iter().map(|wording| wording.threshold).collect();
-    quality.verdict = quality.thresholds.iter().map(verdict).max().unwrap_or_default();
-}
-
-/// What one measure says.
-#[must_use]
-pub fn verdict(threshold: &Threshold) -> Verdict {
-    if is_beyond(threshold, threshold.fail) {
-        Verdict::Fail
-    } else if is_beyond(threshold, threshold.warn) {
-        Verdict::Warn
-    } else {
-        Verdict::Pass
-    }
-}
-
-/// Whether a measure is not on the good side of a limit, if there is one. What is no number is on none.
-fn is_beyond(threshold: &Threshold, limit: Option<f64>) -> bool {
-    let Some(limit) = limit else { return false };
-    let is_good = if threshold.is_bad_below { threshold.value >= limit } else { threshold.value <= limit };
-    !is_good
+    quality.verdict = quality.thresholds.iter().map(Threshold::verdict).max().unwrap_or_default();
 }
 
 impl Wording {
@@ -133,7 +114,7 @@ fn invalid_share(figures: &[FigureQuality]) -> f64 {
 
 fn reason(wording: &Wording) -> Option<Reason> {
     let Threshold { ref code, value, warn, fail, .. } = wording.threshold;
-    let threshold = match verdict(&wording.threshold) {
+    let threshold = match wording.threshold.verdict() {
         Verdict::Pass => return None,
         Verdict::Warn => warn?,
         Verdict::Fail => fail?,
