@@ -7,7 +7,7 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use medialrep::params::{Given, PARAMS, Shape};
 
-use crate::nifti_bytes::{Nifti, gzip};
+use super::nifti_bytes::{Nifti, gzip};
 
 /// Writes them to the folder that `FUZZ_SEEDS` names, if it names one; a target does so before it
 /// reads its corpus.

@@ -9,7 +9,7 @@ mod body;
 #[path = "../memory.rs"]
 mod memory;
 #[allow(dead_code, reason = "the seeds of the other targets are there too")]
-#[path = "../../tests/it/nifti_bytes.rs"]
+#[path = "../../tests/it/help/nifti_bytes.rs"]
 mod nifti_bytes;
 #[allow(dead_code, reason = "as above")]
 #[path = "../seeds.rs"]

@@ -8,7 +8,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use crate::cancel::Cancel;
 use crate::model::Stage;
 use crate::pipeline::observer::Observer;
-use crate::pipeline::overall::Overall;
+use crate::pipeline::progress::Overall;
 
 /// Steps of the bar.
 const STEPS: u32 = 10_000;

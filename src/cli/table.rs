@@ -4,7 +4,7 @@ use clap::builder::styling::{AnsiColor, Style};
 use serde::Serialize;
 
 use crate::formats::write::round;
-use crate::jobs::outcome::StructureSummary;
+use crate::jobs::processed::StructureSummary;
 use crate::model::Verdict;
 
 /// Columns of a table that goes to a file, and at most on a terminal: longer lines are hard to read.
@@ -177,7 +177,7 @@ fn line(index: usize, structure: &StructureSummary) -> StructureLine<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::jobs::outcome::Measured;
+    use crate::jobs::processed::Measured;
     use crate::model::Reason;
     use crate::model::Refusal;
 

@@ -1,4 +1,5 @@
-//! `/v1/limits`: what is taken in, how much of it, and how long it is kept.
+//! `/v1/limits`: what is taken in, how much of it, and how long it is kept. Tells only: bodies are held to it by
+//! `submit` and `jobs::upload`, jobs by `jobs::limits`.
 
 use std::sync::Arc;
 use std::time::Duration;

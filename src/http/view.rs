@@ -9,7 +9,7 @@ use super::params_schema::ParamsSchema;
 use crate::jobs::job::{Callback, CallbackState, CallbackTry, Job, JobState, JobWarning, MaskInfo, ResultFile};
 use crate::jobs::moves::Cause;
 use crate::jobs::service::JobStatus;
-use crate::pipeline::overall::Progress;
+use crate::pipeline::progress::Progress;
 use crate::problem::Problem;
 
 /// A job.

@@ -24,7 +24,7 @@ use std::path::Path;
 
 mod drafts;
 
-pub mod outcome;
+pub mod processed;
 
 pub mod process;
 
@@ -64,7 +64,7 @@ pub mod submission;
 
 pub mod worker;
 
-mod beat;
+mod leases;
 
 mod retention;
 

@@ -8,7 +8,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use super::drafts::{Drafts, RECORD, WrittenFile, remove_files};
-use super::outcome::{Processed, StructureSummary};
+use super::processed::{Processed, StructureSummary};
 use crate::cancel::{Cancel, Cancelled};
 use crate::formats::artifacts::{ARTIFACTS, Artifact};
 use crate::formats::write::record::Record;

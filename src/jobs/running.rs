@@ -13,7 +13,7 @@ use super::store::Lease;
 use crate::cancel::Cancel;
 use crate::model::Stage;
 use crate::pipeline::observer::Observer;
-use crate::pipeline::overall::{Overall, Progress};
+use crate::pipeline::progress::{Overall, Progress};
 
 /// A run under way.
 #[derive(Debug)]

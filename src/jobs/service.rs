@@ -23,7 +23,7 @@ use super::store::liveness::Instance;
 use super::store::{CancelAnswer, Lease, ListQuery, QueueLimits, RetryAnswer, Store};
 use crate::audit::{Action, Audit, Entry};
 use crate::metrics::{Metrics, Now};
-use crate::pipeline::overall::Progress;
+use crate::pipeline::progress::Progress;
 use crate::webhook::Sender;
 
 /// How long a deletion waits for a running job to let go of its files.

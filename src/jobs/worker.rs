@@ -19,14 +19,14 @@ use super::caller::Caller;
 use super::drafts::sha256_of_file;
 use super::error::JobsError;
 use super::job::{Job, JobWarning, RequestedParams, ResultFile};
-use super::outcome::Processed;
 use super::process::{InputLimits, ProcessError};
+use super::processed::Processed;
 use super::running::Running;
 use super::service::Jobs;
 use super::store::blobs::LocalMask;
 use super::store::{Claim, LEASE, Outcome, StoreError};
 use super::submission::PROGRAM;
-use super::{beat, callbacks, retention};
+use super::{callbacks, leases, retention};
 use crate::audit::Action;
 use crate::model::Warning;
 use crate::params::CheckedParams;
@@ -73,8 +73,8 @@ impl Workers {
         };
         let tasks = (0..count).map(spawn).collect();
         let housekeeping = vec![
-            tokio::spawn(beat::extend(Arc::clone(jobs))),
-            tokio::spawn(beat::watch(Arc::clone(jobs))),
+            tokio::spawn(leases::extend(Arc::clone(jobs))),
+            tokio::spawn(leases::watch(Arc::clone(jobs))),
             tokio::spawn(retention::keep(Arc::clone(jobs))),
             tokio::spawn(callbacks::send(Arc::clone(jobs))),
         ];

@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::choices::Automatic;
+use super::automatic::Automatic;
 use super::frame::FrameFacts;
-use super::grid::LatticeSize;
+use super::lattice::LatticeSize;
 use super::quality::FigureQuality;
 use super::side::{PerSurface, Side};
 use super::uncertainty::Uncertainty;

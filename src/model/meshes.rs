@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::figure::Sheet;
-use super::grid::ring;
+use super::lattice::ring;
 use super::shell::Shell;
 use super::side::Side;
 use crate::numerics::field::id;

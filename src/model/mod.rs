@@ -1,6 +1,6 @@
 //! The medial representation as plain data: what the pipeline returns and the formats write.
 
-mod grid;
+mod lattice;
 
 mod side;
 
@@ -12,7 +12,7 @@ mod refusal;
 
 mod frame;
 
-mod choices;
+mod automatic;
 
 mod uncertainty;
 
@@ -30,11 +30,11 @@ mod structure;
 
 mod summary;
 
-pub use choices::{Automatic, GridFrom};
+pub use automatic::{Automatic, GridFrom};
 pub use closed::closed;
 pub use figure::{Figure, FlatPoints, Sheet};
 pub use frame::{FrameFacts, FrameRule};
-pub use grid::{LatticeSize, ring};
+pub use lattice::{LatticeSize, ring};
 pub use meshes::{SurfaceMesh, TriangleMesh, normals};
 pub use quality::{
     Coverage, DistanceSummary, Distortion, EmbeddingQuality, FigureQuality, LatticePlace, MeanAndP95, Reason, Repair,

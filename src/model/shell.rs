@@ -4,7 +4,7 @@
 use nalgebra::Point3;
 
 use super::figure::Sheet;
-use super::grid::{LatticeSize, ring};
+use super::lattice::{LatticeSize, ring};
 use super::side::Side;
 
 /// A crest point this near to a surface node is that node, as a share of the longer of the two

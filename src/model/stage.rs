@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use std::time::Duration;
 
-/// The stages in the order of the paper; their names are those of `timings_ms`.
+/// The stages in the order of the paper; their names are those of `timings_ms`. They run in another: sheets are laid
+/// flat and cut before the sides are looked for, see `pipeline::stages`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Stage {
     /// Cutting out, cleaning, resampling and smoothing the mask.

@@ -8,7 +8,7 @@ use super::plane::Flat;
 use super::quality::Measured;
 use super::quality::measures::FlatQuads;
 use super::sheets::Sheets;
-use super::sheets::sides::SheetSides;
+use super::sides::SheetSides;
 use super::solid::Solid;
 use crate::model::{Figure, FigureQuality, FlatPoints, Junction, PerSurface, Sheet, Structure};
 use crate::space::ParamPoint;

@@ -1,17 +1,22 @@
 //! The pipeline of Ward and Hamarneh (Proc. SPIE 6512, 2007): a label map goes in, a medial
-//! representation comes out. A folder for each box of their figure 2; `stages` has their order.
+//! representation comes out. A folder for each box of their figure 2, and one for the quality of
+//! the result, which they have not; `stages` has their order.
 
 pub mod observer;
 
 pub mod context;
 
-pub mod overall;
+pub mod progress;
 
 pub mod solid;
+
+pub mod surface;
 
 pub mod medial;
 
 pub mod sheets;
+
+pub mod sides;
 
 pub mod plane;
 

@@ -7,7 +7,7 @@
 //!     │ skeleton ─── medial/   thinned to the medial surface
 //!     │ sheets ───── sheets/   clustered into single sheets
 //!     │ isomap ───── plane/    each laid flat, and cut where it cannot be
-//!     │ sides ────── sheets/   the skin labelled upper, lower and crest
+//!     │ sides ────── sides/    the skin labelled upper, lower and crest
 //!     │ ┌ isomap ─── plane/    in its frame, with its sides
 //!     │ │ lattice ── lattice/  a lattice over it
 //!     │ └ spokes ─── vectors/  back in space, with vectors to both sides      (for each sheet)
@@ -15,7 +15,7 @@
 //! figures, in work space; hand_out.rs brings them to the world
 //! ```
 //!
-//! The boxes are those of the paper's figure 2. Each stage is a function of what came before it and the
+//! The boxes are those of the paper's figure 2, but for the last. Each stage is a function of what came before it and the
 //! [`Context`]; where it leaves the paper, the head of its folder says why.
 
 use super::context::{Context, Part};
@@ -27,7 +27,7 @@ use super::plane::cut::laid_flat;
 use super::plane::{Framed, framed};
 use super::quality::quality;
 use super::sheets::sheets;
-use super::sheets::sides::{SheetSides, sides};
+use super::sides::{SheetSides, sides};
 use super::solid::cut_out::Label;
 use super::solid::depth::{Depth, depth};
 use super::solid::{Masked, Solid, masked};

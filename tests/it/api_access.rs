@@ -5,7 +5,7 @@ use jiff::Timestamp;
 use medialrep::jobs::token::{Scope, Token};
 use serde_json::Value;
 
-use crate::support::{Answer, Server, id_of, mask, writes};
+use crate::help::support::{Answer, Server, id_of, mask, writes};
 
 /// `Bearer` and a new token.
 async fn token(server: &Server, tenant: &str, scopes: &[Scope]) -> String {
@@ -139,7 +139,7 @@ async fn pages_of_other_origins_and_other_names_of_this_machine_are_turned_away(
 
 #[tokio::test]
 async fn a_tenant_may_have_so_many_requests_open() {
-    let mut limits = crate::support::limits();
+    let mut limits = crate::help::support::limits();
     limits.max_requests = 3;
     let server = Server::open_with(tempfile::TempDir::new().unwrap(), limits, None).await;
     let own = token(&server, "one", &[Scope::Read, Scope::Write]).await;

@@ -6,7 +6,7 @@ use medialrep::http::openapi_yaml;
 use medialrep::params::PARAMS;
 use serde_json::{Value, json};
 
-use crate::support::{Server, mask};
+use crate::help::support::{Server, mask};
 use crate::tidy::sources;
 
 const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/openapi.yaml");

@@ -7,7 +7,7 @@ use std::time::Duration;
 use axum::http::Method;
 use medialrep::jobs::worker::Processor;
 
-use crate::support::{Server, mask, refuses, waits, writes};
+use crate::help::support::{Server, mask, refuses, waits, writes};
 
 #[tokio::test]
 async fn a_job_runs_to_its_results() {

@@ -9,8 +9,8 @@ use medialrep::http::web::{Page, PageFile};
 use medialrep::jobs::token::{Scope, Token};
 use sha2::{Digest, Sha256};
 
-use crate::left_out::left_out;
-use crate::support::{Answer, Server};
+use crate::help::left_out::left_out;
+use crate::help::support::{Answer, Server};
 
 const BROWSER: (&str, &str) = ("accept", "text/html,application/xhtml+xml,application/xml;q=0.9,*/*;q=0.8");
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src data:; connect-src \

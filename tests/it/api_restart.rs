@@ -14,7 +14,7 @@ use medialrep::jobs::worker::{Processor, Workers};
 use medialrep::problem::Problem;
 use tempfile::TempDir;
 
-use crate::support::{Server, id_of, limits, mask, waits, writes};
+use crate::help::support::{Server, id_of, limits, mask, waits, writes};
 
 /// A server on `dir` whose jobs run.
 async fn restart(dir: TempDir, processor: &Processor) -> (Server, Workers) {

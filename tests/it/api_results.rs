@@ -9,8 +9,8 @@ use medialrep::jobs::process::{Kept, process};
 use medialrep::jobs::worker::Processor;
 use serde_json::Value;
 
-use crate::phantoms::volume;
-use crate::support::{Answer, Server, content, writes};
+use crate::help::phantoms::volume;
+use crate::help::support::{Answer, Server, content, writes};
 
 async fn done() -> (Server, String) {
     let server = Server::start(writes()).await;

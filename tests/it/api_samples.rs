@@ -6,7 +6,7 @@ use axum::http::Method;
 use medialrep::jobs::token::{Scope, Token};
 use medialrep::samples;
 
-use crate::support::{Server, limits, logged};
+use crate::help::support::{Server, limits, logged};
 
 #[tokio::test]
 async fn every_sample_is_listed_with_its_place() {

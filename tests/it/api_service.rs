@@ -10,7 +10,7 @@ use medialrep::jobs::job::JobId;
 use medialrep::jobs::worker::Processor;
 use tempfile::TempDir;
 
-use crate::support::{Server, content, id_of, limits, mask, refuses, waits, writes};
+use crate::help::support::{Server, content, id_of, limits, mask, refuses, waits, writes};
 
 /// A form of text fields beside the mask.
 fn labels(text: &str) -> String {
@@ -312,7 +312,7 @@ async fn a_trace_leads_from_the_request_to_the_job() {
     let job = server.with(Method::POST, "/v1/jobs", &[("traceparent", &parent)], mask()).await.json();
     assert_eq!(job["trace_id"], trace);
     server.job_in(job["links"]["self"].as_str().unwrap(), "succeeded").await;
-    let log = crate::support::logged();
+    let log = crate::help::support::logged();
     for what in ["job accepted", "job begun", "job ended"] {
         assert!(log.lines().any(|line| line.contains(trace) && line.contains(what)), "{what}");
     }

@@ -9,7 +9,7 @@ use axum::http::Request;
 use futures_util::stream;
 use medialrep::jobs::place::Place;
 
-use crate::support::{CANARY, Server, id_of, logged, mask, writes};
+use crate::help::support::{CANARY, Server, id_of, logged, mask, writes};
 
 /// A form of parts: name, file name, content.
 fn form(parts: &[(&str, Option<&str>, &[u8])]) -> Request<Body> {

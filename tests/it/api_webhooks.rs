@@ -12,7 +12,7 @@ use serde_json::Value;
 use tempfile::TempDir;
 use tokio::net::TcpListener;
 
-use crate::support::{CANARY, Server, id_of, limits, mask, refuses, writes};
+use crate::help::support::{CANARY, Server, id_of, limits, mask, refuses, writes};
 
 const SECRET: &str = "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw";
 
@@ -70,7 +70,7 @@ async fn the_end_of_a_job_is_told_signed_and_without_patient_data() {
     let body: Value = serde_json::from_str(body).unwrap();
     assert_eq!((&body["type"], &body["data"]["state"]), (&"job.ended".into(), &"succeeded".into()));
     assert_eq!(body["data"]["id"], id_of(&job));
-    assert!(!body.to_string().contains(CANARY) && !crate::support::logged().contains(CANARY));
+    assert!(!body.to_string().contains(CANARY) && !crate::help::support::logged().contains(CANARY));
 }
 
 #[tokio::test]

@@ -14,7 +14,7 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
-use crate::support::{limits, mask, waits, writes};
+use crate::help::support::{limits, mask, waits, writes};
 
 struct Wire {
     _dir: TempDir,

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use crate::nifti_bytes::Nifti;
+use crate::help::nifti_bytes::Nifti;
 
 fn medialrep(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_medialrep")).args(arguments).output().unwrap()

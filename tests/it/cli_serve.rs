@@ -4,7 +4,7 @@ use std::process::Command;
 
 use tempfile::TempDir;
 
-use crate::process::{PROGRAM, Service, sample};
+use crate::help::process::{PROGRAM, Service, sample};
 
 #[test]
 fn a_service_without_authentication_stays_on_the_loopback() {

@@ -12,7 +12,7 @@ use medialrep::model::{Stage, Warning};
 use medialrep::params::{PARAMS, Params};
 use serde_json::{Value, json};
 
-use crate::models::model;
+use crate::help::models::model;
 
 fn text(write: impl FnOnce(&mut Vec<u8>) -> std::io::Result<()>) -> String {
     let mut bytes = Vec::new();

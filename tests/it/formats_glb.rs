@@ -10,8 +10,8 @@ use medialrep::numerics::triangles::volume;
 use nalgebra::{Matrix4, Point3, Vector3};
 use serde_json::Value;
 
-use crate::left_out::left_out;
-use crate::models::model;
+use crate::help::left_out::left_out;
+use crate::help::models::model;
 use crate::pipeline_legality::check_watertight;
 
 fn bytes(model: &Model) -> Vec<u8> {

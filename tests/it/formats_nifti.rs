@@ -6,7 +6,7 @@ use medialrep::space::Label;
 use nalgebra::{Point3, Rotation3, Vector3};
 use proptest::prelude::*;
 
-use crate::nifti_bytes::{Nifti, gzip};
+use crate::help::nifti_bytes::{Nifti, gzip};
 
 fn read_ok(bytes: &[u8]) -> ReadVolume {
     let read = read(bytes, InputLimits::default()).unwrap();

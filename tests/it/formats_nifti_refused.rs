@@ -5,7 +5,7 @@ use std::io::Read;
 use medialrep::formats::{InputLimits, ReadError, read};
 use medialrep::problem::Problem;
 
-use crate::nifti_bytes::{Nifti, gzip};
+use crate::help::nifti_bytes::{Nifti, gzip};
 
 fn refusal(bytes: &[u8]) -> Problem {
     Problem::from(&read(bytes, InputLimits::default()).unwrap_err())

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use medialrep::formats::{InputLimits, read_file};
 use nalgebra::{Point3, Vector3};
 
-use crate::left_out::left_out;
+use crate::help::left_out::left_out;
 
 /// The folder of real segmentations: `MEDIALREP_SHARED`, else `../shared` beside the
 /// repository. `None` when it is not there.

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use crate::help::nifti_bytes;
+
 #[path = "../../fuzz/bodies/multipart.rs"]
 mod multipart;
 #[path = "../../fuzz/bodies/nifti.rs"]

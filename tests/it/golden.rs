@@ -13,10 +13,10 @@ use medialrep::pipeline::PipelineError;
 use medialrep::space::LabelVolume;
 use serde_json::{Map, Value, json};
 
+use crate::help::organs::ORGANS;
+use crate::help::phantoms::{plain, run_with, sample, turned};
 use crate::measure::shapes::PHASE;
 use crate::measure::table::text_of;
-use crate::organs::ORGANS;
-use crate::phantoms::{plain, run_with, sample, turned};
 
 /// How far a number may lie from the golden one.
 #[derive(Clone, Copy)]

@@ -13,8 +13,8 @@ use medialrep::params::Params;
 use medialrep::pipeline::observer::{Observer, Silent};
 use sha2::{Digest, Sha256};
 
-use crate::models::model;
-use crate::nifti_bytes::Nifti;
+use crate::help::models::model;
+use crate::help::nifti_bytes::Nifti;
 
 fn source() -> Source {
     Source {

@@ -12,7 +12,7 @@ use sqlx::migrate::{Migration, MigrationType, Migrator};
 use sqlx::sqlite::{SqliteConnectOptions, SqlitePool, SqlitePoolOptions};
 use tempfile::TempDir;
 
-use crate::process::run;
+use crate::help::process::run;
 
 const LIMITS: QueueLimits = QueueLimits { jobs: 1000, bytes: 1 << 30, share_percent: 100 };
 

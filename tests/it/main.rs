@@ -9,11 +9,7 @@
 #[path = "../measure/mod.rs"]
 mod measure;
 
-mod left_out;
-
-mod nifti_bytes;
-
-mod models;
+mod help;
 
 mod formats_nifti;
 
@@ -39,13 +35,9 @@ mod cli_run;
 
 mod first_contact;
 
-mod phantoms;
-
 mod pipeline_shapes;
 
 mod accuracy;
-
-mod organs;
 
 mod golden;
 
@@ -81,10 +73,6 @@ mod cli_serve;
 
 mod audit_log;
 
-mod support;
-
-mod process;
-
 mod soak;
 
 mod soak_hostile;
@@ -103,7 +91,7 @@ mod api_jobs;
 
 mod api_results;
 
-mod api_store;
+mod jobs_store;
 
 mod api_restart;
 

@@ -5,7 +5,7 @@ use medialrep::params::{Correspondence, LatticeKind, Params};
 use medialrep::space::WorldPoint;
 use nalgebra::Rotation3;
 
-use crate::phantoms::{drift, model_of, params, rms, sample, turned, volume};
+use crate::help::phantoms::{drift, model_of, params, rms, sample, turned, volume};
 
 fn structure_of(name: &str, spacing_mm: f64, rotation: Rotation3<f64>) -> Structure {
     let volume = sample(name).voxelise([spacing_mm; 3], rotation).expect("fits");

@@ -6,7 +6,7 @@ use medialrep::model::Sheet;
 use medialrep::params::{Correspondence, GridChoice, Neighbors, Params};
 use medialrep::space::LabelVolume;
 
-use crate::phantoms::{first_sheet, model_of, params, volume};
+use crate::help::phantoms::{first_sheet, model_of, params, volume};
 
 fn figure_of(volume: &LabelVolume, params: Params) -> Sheet {
     first_sheet(&model_of(volume, params))

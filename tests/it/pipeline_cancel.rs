@@ -15,7 +15,7 @@ use medialrep::samples::by_name;
 use nalgebra::Rotation3;
 use tempfile::TempDir;
 
-use crate::left_out::left_out;
+use crate::help::left_out::left_out;
 
 /// A folder with the mask of a sample.
 fn folder_with(sample: &str, spacing_mm: f64) -> TempDir {

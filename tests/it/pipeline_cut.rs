@@ -4,7 +4,7 @@ use medialrep::model::Structure;
 use medialrep::params::Params;
 use medialrep::space::LabelVolume;
 
-use crate::phantoms::{model_of, painted, params, volume};
+use crate::help::phantoms::{model_of, painted, params, volume};
 
 fn structure(volume: &LabelVolume, params: Params) -> Structure {
     model_of(volume, params).structures.remove(0)

@@ -7,9 +7,9 @@ use medialrep::pipeline::PipelineError;
 use medialrep::pipeline::medial::medial_surface;
 use medialrep::pipeline::plane::embedding::{MAX_TURNED_OVER, Method, flatten};
 use medialrep::pipeline::sheets::sheets;
-use medialrep::pipeline::sheets::surface::Surface;
+use medialrep::pipeline::surface::Surface;
 
-use crate::phantoms::{check_invariants, context, deepened, defaults, model_of, params, run_of, volume};
+use crate::help::phantoms::{check_invariants, context, deepened, defaults, model_of, params, run_of, volume};
 
 /// The largest piece of each sheet of a sample at 1 mm.
 fn sheets_of(name: &str) -> Vec<Surface> {

@@ -3,8 +3,8 @@
 use medialrep::model::{FigureQuality, LatticePlace, Model, Sheet, Side, Structure, StructureQuality, Verdict, ring};
 use nalgebra::{Point3, Vector3};
 
+use crate::help::phantoms::{check_invariants, plain, run_with};
 use crate::measure::accuracy::folded_corners;
-use crate::phantoms::{check_invariants, plain, run_with};
 use crate::pipeline_quality::boxed;
 
 /// Samples and parameters whose results fold today: too few neighbours tear and twist the flat sheet, every

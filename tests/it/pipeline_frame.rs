@@ -5,7 +5,7 @@ use medialrep::model::Sheet;
 use medialrep::space::{Grid, LabelVolume, WorldFromVoxel, WorldPoint, WorldVector};
 use nalgebra::{Rotation3, Vector3};
 
-use crate::phantoms::{counted, drift, first_sheet, model_of, params, rms, sample, turned, volume};
+use crate::help::phantoms::{counted, drift, first_sheet, model_of, params, rms, sample, turned, volume};
 
 fn figure_of(volume: &LabelVolume) -> Sheet {
     first_sheet(&model_of(volume, params()))

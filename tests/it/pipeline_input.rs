@@ -9,7 +9,7 @@ use medialrep::params::{GridChoice, Landmarks, LatticeKind, Neighbors, Params, P
 use medialrep::pipeline::observer::Observer;
 use medialrep::pipeline::{PipelineError, run};
 
-use crate::phantoms::{check_invariants, drift, first_sheet, model_of, painted, params, run_of, volume};
+use crate::help::phantoms::{check_invariants, drift, first_sheet, model_of, painted, params, run_of, volume};
 
 fn check_refused(volume: &medialrep::space::LabelVolume, params: Params, code: &str) {
     match run_of(volume, params) {
@@ -143,7 +143,7 @@ fn landmarks_agree_with_exact_isomap() {
     let flat = |f: &medialrep::model::Sheet| f.points.medial.flat.clone();
     let (a, b) = (flat(a), flat(b));
     let extent = a.iter().map(|p| p.x).fold(0.0, f64::max) - a.iter().map(|p| p.x).fold(0.0, f64::min);
-    let off = crate::phantoms::rms(a.iter().zip(&b).map(|(p, q)| (p - q).norm()));
+    let off = crate::help::phantoms::rms(a.iter().zip(&b).map(|(p, q)| (p - q).norm()));
     assert!(off <= 0.01 * extent, "off by {off:.3} of {extent:.1}");
 }
 

@@ -12,7 +12,7 @@ use medialrep::pipeline::vectors::Nodes;
 use medialrep::pipeline::vectors::legality::{Illegal, Legality, Part, legality};
 use nalgebra::{Point3, Vector3};
 
-use crate::models::{drafted, flat_slab, outward};
+use crate::help::models::{drafted, flat_slab, outward};
 
 const SIZE: LatticeSize = LatticeSize { rows: 4, cols: 5 };
 

@@ -5,8 +5,8 @@ use medialrep::params::{Correspondence, Params};
 use medialrep::pipeline::PipelineError;
 use medialrep::samples;
 
+use crate::help::phantoms::{check_invariants, params, plain, run_of, sample};
 use crate::measure::accuracy::vector_errors;
-use crate::phantoms::{check_invariants, params, plain, run_of, sample};
 use crate::pipeline_folds::check_folds_are_told;
 
 fn paper(name: &str) -> Result<Model, PipelineError> {

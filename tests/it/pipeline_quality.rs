@@ -16,8 +16,8 @@ use medialrep::pipeline::vectors::Nodes;
 use nalgebra::{Point2, Point3, Rotation3, Vector3};
 use serde_json::Value;
 
-use crate::models::{drafted, flat_slab, model};
-use crate::phantoms::{context, deepened, defaults, model_of, painted, params, sample, volume};
+use crate::help::models::{drafted, flat_slab, model};
+use crate::help::phantoms::{context, deepened, defaults, model_of, painted, params, sample, volume};
 
 const SIZE: LatticeSize = LatticeSize { rows: 4, cols: 5 };
 

@@ -6,7 +6,7 @@ use medialrep::pipeline::PipelineError;
 use medialrep::space::LabelVolume;
 use nalgebra::Rotation3;
 
-use crate::phantoms::{first_sheet, model_of, painted, params, run_of, sample, turned, volume};
+use crate::help::phantoms::{first_sheet, model_of, painted, params, run_of, sample, turned, volume};
 
 fn refusal_of(volume: &LabelVolume) -> Refusal {
     match run_of(volume, params()) {

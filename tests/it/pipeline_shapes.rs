@@ -4,7 +4,9 @@ use medialrep::samples::Sample;
 use medialrep::space::{LabelVolume, WorldFromVoxel};
 use nalgebra::Rotation3;
 
-use crate::phantoms::{check_invariants, counted, drift, model_of, params, rms, roughened, sample, turned, volume};
+use crate::help::phantoms::{
+    check_invariants, counted, drift, model_of, params, rms, roughened, sample, turned, volume,
+};
 
 /// Bars of one shape, in voxels of 1 mm. Flat faces that lie along the grid cannot be placed
 /// better than half a voxel.

@@ -12,14 +12,14 @@ use medialrep::pipeline::medial::{MedialSurface, medial_surface};
 use medialrep::pipeline::plane::embedding::{EmbeddingError, Method, flatten};
 use medialrep::pipeline::plane::region::Region;
 use medialrep::pipeline::sheets::sheets;
-use medialrep::pipeline::sheets::sides::sides;
-use medialrep::pipeline::sheets::surface::Surface;
+use medialrep::pipeline::sides::sides;
 use medialrep::pipeline::solid::Solid;
 use medialrep::pipeline::solid::depth::Depth;
+use medialrep::pipeline::surface::Surface;
 use medialrep::space::{Grid, LabelVolume};
 use nalgebra::{Point3, Rotation3};
 
-use crate::phantoms::{context, deepened, defaults, painted, sample, turned, volume};
+use crate::help::phantoms::{context, deepened, defaults, painted, sample, turned, volume};
 
 fn thinned(volume: &LabelVolume) -> (Solid, Depth, MedialSurface) {
     let (solid, depth) = deepened(volume);

@@ -2,12 +2,12 @@
 
 use medialrep::cancel::Never;
 use medialrep::pipeline::plane::strip::{unfolded, widened};
-use medialrep::pipeline::sheets::sides::SheetSides;
-use medialrep::pipeline::sheets::surface::Surface;
+use medialrep::pipeline::sides::SheetSides;
 use medialrep::pipeline::solid::depth::Depth;
+use medialrep::pipeline::surface::Surface;
 use nalgebra::{Point2, Point3, Vector3};
 
-use crate::phantoms::{deepened, model_of, painted, params, turned};
+use crate::help::phantoms::{deepened, model_of, painted, params, turned};
 
 /// A disc of points with a tail of `rows` rows to its right, flat in the plane and oblique in
 /// space; `hand` −1 mirrors the plane.

@@ -12,7 +12,7 @@ use medialrep::pipeline::{PipelineError, run};
 use medialrep::space::{Grid, LabelVolume, WorldFromVoxel, WorldPoint};
 use nalgebra::{Point3, Rotation3};
 
-use crate::phantoms::{counted, first_sheet, model_of, params, rms, turned, volume};
+use crate::help::phantoms::{counted, first_sheet, model_of, params, rms, turned, volume};
 
 type Shape = fn(WorldPoint) -> bool;
 

@@ -14,8 +14,8 @@ use medialrep::jobs::place::Place;
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::left_out::left_out;
-use crate::process::{Service, sample, sample_of};
+use crate::help::left_out::left_out;
+use crate::help::process::{Service, sample, sample_of};
 
 pub fn is_long() -> bool {
     std::env::var_os("MEDIALREP_SOAK").is_some()

@@ -12,10 +12,10 @@ use flate2::write::GzEncoder;
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::left_out::left_out;
-use crate::process::{Service, run, sample_of};
+use crate::help::left_out::left_out;
+use crate::help::process::{Service, run, sample_of};
+use crate::help::support;
 use crate::soak::{is_long, tell};
-use crate::support;
 
 /// How long a refusal may take.
 const IN_TIME: Duration = Duration::from_secs(2);

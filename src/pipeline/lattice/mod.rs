@@ -1,4 +1,4 @@
-//! Stage 6: the N × M lattice over a flattened surface, and the map from the plane back to space
+//! Stage `lattice`: the N × M lattice over a flattened surface, and the map from the plane back to space
 //! (section 3 of the paper).
 //!
 //! 1. The region that the sheet covers in its plane is found; balls, tubes and sheets with large holes are refused;
@@ -27,13 +27,13 @@ pub mod rim;
 
 pub mod map;
 
-mod automatic;
+mod size;
 
 use nalgebra::Point2;
 
-use self::automatic::{automatic, respaced};
 use self::patch::Patch;
 use self::rim::{WholeSheet, to_rim};
+use self::size::{automatic, respaced};
 use self::slide::{equal_shares, evenly_spaced};
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::{Automatic, FrameFacts, LatticeSize, PerSurface, Refusal, ring};
@@ -44,7 +44,7 @@ use crate::pipeline::plane::region::{HOLES_REFUSED, Region};
 use crate::pipeline::plane::strip::{SheetPoints, widened};
 use crate::pipeline::plane::{Flat, Framed};
 use crate::pipeline::sheets::MIN_SHEET_POINTS;
-use crate::pipeline::sheets::sides::SheetSides;
+use crate::pipeline::sides::SheetSides;
 use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::depth::Depth;
 

@@ -1,4 +1,4 @@
-//! Stage 2 (*skeletonize and prune* in the paper's figure 2): the medial surface.
+//! Stage `skeleton` (*skeletonize and prune* in the paper's figure 2): the medial surface.
 //!
 //! Distance-ordered homotopic thinning (Pudney, CVIU 72, 1998; Siddiqi et al., *Hamilton-Jacobi
 //! skeletons*, IJCV 48, 2002) of the solid:
@@ -28,9 +28,9 @@ mod points;
 use nalgebra::{Point3, Vector3};
 
 use crate::cancel::{Cancel, Cancelled};
-use crate::pipeline::sheets::surface::Surface;
 use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::depth::Depth;
+use crate::pipeline::surface::Surface;
 
 /// A voxel of the medial surface with its sub-voxel centre, in work space.
 #[derive(Clone, Copy, Debug)]

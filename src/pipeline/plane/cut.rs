@@ -27,10 +27,10 @@ use crate::pipeline::context::Context;
 use crate::pipeline::medial::MedialSurface;
 use crate::pipeline::plane::embedding::{EmbeddingError, Flat, MAX_TURNED_OVER, Method, flatten};
 use crate::pipeline::plane::region::{HOLES_REFUSED, Region};
-use crate::pipeline::sheets::sides::is_orientable;
-use crate::pipeline::sheets::surface::Surface;
 use crate::pipeline::sheets::{NO_SHEET, Sheets, in_order_of_size};
+use crate::pipeline::sides::is_orientable;
 use crate::pipeline::solid::Solid;
+use crate::pipeline::surface::Surface;
 
 /// Residual variance above which a sheet counts as not laid flat. Sheets known to be developable
 /// have 0.0006 at most, organs that are laid out well 0.008, and sheets that lie over themselves in

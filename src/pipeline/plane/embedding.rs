@@ -25,7 +25,7 @@ use crate::numerics::graph::{Edges, Graph};
 use crate::numerics::moments::{Axes2, mean};
 use crate::numerics::sparse::EigenError;
 use crate::params::{CheckedParams, Embedding, Landmarks, Neighbors};
-use crate::pipeline::sheets::surface::Surface;
+use crate::pipeline::surface::Surface;
 
 /// Points that are laid out by eigenvectors at most: matrix, factor and vectors take 8 kB a point then, as much in all as
 /// exact ISOMAP takes at its limit.

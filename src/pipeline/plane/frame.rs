@@ -19,7 +19,7 @@ use crate::cancel::{Cancel, Cancelled};
 use crate::model::{FrameFacts, FrameRule};
 use crate::numerics::moments::{Axes2, mean};
 use crate::pipeline::plane::region::Region;
-use crate::pipeline::sheets::sides::SheetSides;
+use crate::pipeline::sides::SheetSides;
 use crate::pipeline::solid::Solid;
 use crate::space::WorldVector;
 

@@ -1,4 +1,4 @@
-//! Geodesic distances on a surface, and how well a plane keeps them.
+//! Geodesic distances on a surface, and the residual variance: how well a plane keeps them (section 2.4 of the paper).
 
 use nalgebra::{Point2, SVector};
 use rayon::prelude::*;

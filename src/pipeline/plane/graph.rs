@@ -1,4 +1,4 @@
-//! The neighbourhood graph of a surface: each point with those near it along the surface.
+//! The neighbourhood graph of a surface (section 2.4 of the paper): each point with those near it along the surface.
 //!
 //! An edge stays on the surface: its ends are joined by touching points inside the edge's own ball. So no edge
 //! leads from one wall of a fold to the other.
@@ -11,7 +11,7 @@ use crate::numerics::field::{floor_index, id};
 use crate::numerics::graph::{Edges, Graph, keep_shortest};
 use crate::numerics::parallel::{POINTS_PER_TASK, each_number, each_number_within};
 use crate::params::Neighbors;
-use crate::pipeline::sheets::surface::Surface;
+use crate::pipeline::surface::Surface;
 
 /// Radius of the automatic neighbourhood, voxels. Shortest paths on a ball of 3 are 2 % too long,
 /// of 4 less than 1 %; larger balls cut corners of folds.

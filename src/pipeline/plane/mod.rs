@@ -1,4 +1,4 @@
-//! Stage 5 (the paper's ISOMAP, section 2.4): sheets laid flat.
+//! Stage `isomap` (section 2.4 of the paper): sheets laid flat, by ISOMAP or another embedding.
 //!
 //! 1. `cut`: every sheet is laid flat (`embedding`, over `graph` and `geodesics`, by `isomap`, `lle` or `laplacian`),
 //!    judged, and cut where it has no plane of its own (`tangents` and `region` tell);
@@ -45,9 +45,9 @@ use crate::params::{Correspondence, Embedding};
 use crate::pipeline::PipelineError;
 use crate::pipeline::context::Context;
 use crate::pipeline::sheets::MIN_SHEET_POINTS;
-use crate::pipeline::sheets::sides::{SheetSides, Side};
-use crate::pipeline::sheets::surface::Surface;
+use crate::pipeline::sides::{SheetSides, Side};
 use crate::pipeline::solid::Solid;
+use crate::pipeline::surface::Surface;
 use nalgebra::Point2;
 
 /// A sheet and its sides in their planes, turned into the sheet's frame.

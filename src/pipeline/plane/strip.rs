@@ -14,7 +14,7 @@ use crate::numerics::cells::Cells;
 use crate::numerics::moments::{Axes2, Axes3};
 use crate::numerics::parallel::{POINTS_PER_TASK, each_number};
 use crate::numerics::stats::median;
-use crate::pipeline::sheets::sides::SheetSides;
+use crate::pipeline::sides::SheetSides;
 use crate::pipeline::solid::depth::Depth;
 
 /// Radius in the plane of the part of the sheet that tells whether it is a strip, voxels.

@@ -23,7 +23,7 @@ use crate::numerics::moments::Axes3;
 use crate::numerics::parallel::{POINTS_PER_TASK, each_number, each_number_within};
 use crate::numerics::spanning::along_strongest;
 use crate::pipeline::plane::graph::Around;
-use crate::pipeline::sheets::surface::Surface;
+use crate::pipeline::surface::Surface;
 
 /// Radius of a neighbourhood, voxels. Smaller ones show the noise of the points, larger ones bend, and look past
 /// parts that are turned over.

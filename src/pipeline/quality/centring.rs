@@ -1,9 +1,9 @@
-//! Stage 8, last measure: how far from the middle the medial nodes are.
+//! How far from the middle the medial nodes are.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::search::SkinSearch;
+use super::skin_search::SkinSearch;
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::{LatticeSize, MeanAndP95};
 use crate::pipeline::vectors::Nodes;

@@ -1,4 +1,4 @@
-//! Stage 8, second part: the solid that cells and crest wedges fill, against the mask on the
+//! The solid that cells and crest wedges fill, against the mask on the
 //! working grid.
 
 use rayon::prelude::*;
@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::overlap::overlaps;
 use super::owners::Owners;
 use super::samples::surface_samples;
-use super::search::SkinSearch;
+use super::skin_search::SkinSearch;
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::{Coverage, DistanceSummary};
 use crate::numerics::stats::{mean, median, percentile};

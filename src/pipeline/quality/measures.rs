@@ -1,4 +1,4 @@
-//! Stage 8, third part: how even a lattice is, in space and against its plane.
+//! How even a lattice is, in space and against its plane.
 
 use nalgebra::{Point2, Point3};
 

@@ -1,4 +1,4 @@
-//! Stage 8, which the paper has not: how far a result can be trusted. Everything is measured on the nodes that are
+//! Stage `quality`, which the paper has not: how far a result can be trusted. Everything is measured on the nodes that are
 //! handed out, against the mask on the working grid.
 //!
 //! 1. Legality of every cell and wedge ([`legality`]) and self-intersections of the closed surface.
@@ -18,7 +18,7 @@ mod owners;
 
 mod samples;
 
-mod search;
+mod skin_search;
 
 pub mod measures;
 
@@ -40,7 +40,7 @@ use crate::pipeline::plane::tangents::PlaneDistortion;
 use crate::pipeline::quality::centring::medial_offset;
 use crate::pipeline::quality::coverage::coverage;
 use crate::pipeline::quality::measures::{FlatQuads, spacing_variation};
-use crate::pipeline::quality::search::SkinSearch;
+use crate::pipeline::quality::skin_search::SkinSearch;
 use crate::pipeline::quality::sums::summed;
 use crate::pipeline::quality::verdict::judge;
 use crate::pipeline::solid::Solid;

@@ -1,4 +1,4 @@
-//! Stage 8, last part: from the measures to `pass`, `warn` or `fail`. The rule is the table of
+//! From the measures to `pass`, `warn` or `fail`. The rule is the table of
 //! thresholds and nothing else, so that a reader can follow it.
 
 use std::borrow::Cow;

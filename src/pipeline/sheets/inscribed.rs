@@ -10,7 +10,7 @@ use crate::pipeline::medial::MedialSurface;
 use crate::pipeline::solid::depth::Depth;
 
 /// The inscribed balls of medial points, to be found by power distance.
-pub(super) struct Inscribed {
+pub struct Inscribed {
     balls: Balls,
     points: Vec<u32>,
     centres: Vec<(Point3<f64>, f64)>,

@@ -2,12 +2,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::surface::picked;
 use super::{Hinge, NO_SHEET};
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::field::id;
 use crate::numerics::flood::{pieces, within_steps};
 use crate::pipeline::medial::MedialSurface;
+use crate::pipeline::surface::picked;
 
 /// Steps along the surface within which sheets meet at one junction: thinning leaves the
 /// junction of thick arms up to two voxels wide. With fewer, two of three arms would be taken for one sheet with a

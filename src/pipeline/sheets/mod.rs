@@ -1,4 +1,4 @@
-//! Stage 3 (*cluster into single sheets* in the paper's figure 2): single sheets and the junctions (hinges) between
+//! Stage `sheets` (*cluster into single sheets* in the paper's figure 2): single sheets and the junctions (hinges) between
 //! them.
 //!
 //! The paper drops voxels with more than 8 of 26 neighbours and takes components. On a bent
@@ -15,7 +15,7 @@
 //! 5. What runs into an edge of the boundary is taken off (`trimming`).
 //! 6. Sheets are numbered by size, and the hinges between them found (`ordering`, `junctions`).
 //!
-//! The stage of the sides, which follows once the sheets are laid flat, is [`sides`].
+//! The sides of the sheets are the next stage but one ([`sides`](super::sides)): they are laid flat first.
 
 mod links;
 
@@ -25,19 +25,13 @@ mod joining;
 
 mod pruning;
 
-mod inscribed;
+pub mod inscribed;
 
 mod trimming;
 
 mod ordering;
 
 mod junctions;
-
-pub mod surface;
-
-pub mod sides;
-
-mod orientation;
 
 pub use self::ordering::in_order_of_size;
 pub use self::pruning::{loss_needed, strength};

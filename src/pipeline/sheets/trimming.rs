@@ -2,11 +2,11 @@
 
 use super::junctions::is_third_near;
 use super::links::is_sure;
-use super::surface::picked;
 use super::{NO_SHEET, sizes};
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::flood::flood;
 use crate::pipeline::medial::MedialSurface;
+use crate::pipeline::surface::picked;
 
 /// No point.
 const NONE: u32 = u32::MAX;

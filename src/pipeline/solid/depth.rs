@@ -1,4 +1,4 @@
-//! Stage 1, second half: the skin (sub-voxel surface points) and the depth of every inner voxel
+//! Stage `distance`: the skin (sub-voxel surface points) and the depth of every inner voxel
 //! below it.
 
 use nalgebra::{Point3, Vector3};

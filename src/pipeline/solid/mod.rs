@@ -1,4 +1,4 @@
-//! Stage 1 (*binary mask* in the paper's figure 2): one label of the volume as a clean solid on an isotropic
+//! Stages `mask` and `distance` (*binary mask* in the paper's figure 2): one label of the volume as a clean solid on an isotropic
 //! working grid, with a sub-voxel boundary.
 //!
 //! 1. The label's box is cut out, its axes in the order of the world ([`cut_out`]).

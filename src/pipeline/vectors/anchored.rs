@@ -1,4 +1,4 @@
-//! Stage 7, `anchored`: the medial lattice alone is laid out; its nodes are carried to both sides
+//! Correspondence `anchored`: the medial lattice alone is laid out; its nodes are carried to both sides
 //! along the spokes.
 //!
 //! 1. The nodes of the lattice are brought into space.
@@ -6,7 +6,7 @@
 //!    where the sheet ends abruptly, they are turned towards the crest.
 //! 3. They are walked to the sub-voxel boundary, and turned until none cross ([`untangle`](super::untangle)).
 //! 4. The edge gets its crest ([`crest`](super::crest)), which is turned until no wedge is turned over
-//!    ([`mend`](super::mend)); where that fails, the spokes of the edge are drawn towards those around them, and 3 and
+//!    ([`mend_crest`](super::mend_crest)); where that fails, the spokes of the edge are drawn towards those around them, and 3 and
 //!    4 begin again.
 //! 5. What was moved and what ends short of the boundary is counted.
 
@@ -15,16 +15,16 @@ use std::collections::BTreeSet;
 use nalgebra::Point3;
 
 use super::crest::{crest, look_ahead};
-use super::mend::{Mended, mend_crest};
+use super::mend_crest::{Mended, mend_crest};
 use super::nodes::Nodes;
+use super::spoked_lattice::SpokedLattice;
 use super::spokes::{Body, fan_out, upper_sign};
-use super::spread::Spread;
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::Repair;
 use crate::pipeline::lattice::Lattice;
 use crate::pipeline::lattice::map::SpaceFromPlane;
 use crate::pipeline::lattice::rim::WholeSheet;
-use crate::pipeline::sheets::sides::SheetSides;
+use crate::pipeline::sides::SheetSides;
 use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::depth::Depth;
 
@@ -48,27 +48,27 @@ pub fn anchored(
     let points = &whole.points;
     let map = SpaceFromPlane::new(&points.flat, &points.positions, &points.radii).over_holes();
     let body = Body { solid, depth, map };
-    let mut spread = spread_out(&body, sheet, lattice, cancel)?;
-    let folds_before = spread.untangle()?;
-    let (nodes, crest) = with_crest(&mut spread, &body, &sheet.hinge, cancel)?;
-    let moved_nodes = spread.touched.union(&crest.touched).count();
-    let shortened_nodes = spread.short()?.union(&crest.cut).count();
+    let mut spoked = spoked(&body, sheet, lattice, cancel)?;
+    let folds_before = spoked.untangle()?;
+    let (nodes, crest) = with_crest(&mut spoked, &body, &sheet.hinge, cancel)?;
+    let moved_nodes = spoked.touched.union(&crest.touched).count();
+    let shortened_nodes = spoked.short()?.union(&crest.cut).count();
     Ok((nodes, Repair { folds_before, moved_nodes, shortened_nodes }))
 }
 
 /// Brings a lattice into space and lays its spokes, up to the boundary.
-fn spread_out<'a>(
+fn spoked<'a>(
     body: &'a Body<'_>,
     sheet: &SheetSides,
     lattice: Lattice,
     cancel: &'a dyn Cancel,
-) -> Result<Spread<'a>, Cancelled> {
+) -> Result<SpokedLattice<'a>, Cancelled> {
     let medial = body.map.nodes(&lattice.nodes, cancel)?;
     let hand = upper_sign(&lattice.nodes, &medial, &body.map, sheet, cancel)?;
     let mut directions = body.spokes(&medial, hand, cancel)?;
     fan_out(&mut directions, &medial, lattice.size, &look_ahead(&lattice, &body.map, &sheet.hinge));
     let count = medial.len();
-    let mut spread = Spread {
+    let mut spoked = SpokedLattice {
         lattice,
         medial,
         directions,
@@ -81,15 +81,15 @@ fn spread_out<'a>(
     };
     for n in 0..count {
         cancel.check()?;
-        spread.let_reach(0, n);
-        spread.let_reach(1, n);
+        spoked.let_reach(0, n);
+        spoked.let_reach(1, n);
     }
-    Ok(spread)
+    Ok(spoked)
 }
 
 /// The nodes with their crest, and what was done to it.
 fn with_crest(
-    spread: &mut Spread<'_>,
+    spoked: &mut SpokedLattice<'_>,
     body: &Body<'_>,
     hinge: &[Point3<f64>],
     cancel: &dyn Cancel,
@@ -97,18 +97,18 @@ fn with_crest(
     let level = &body.solid.level;
     let mut round = 0;
     loop {
-        let ahead = look_ahead(&spread.lattice, &body.map, hinge);
-        let mut nodes = spread.nodes(crest(level, spread.lattice.size, &spread.medial, &ahead));
+        let ahead = look_ahead(&spoked.lattice, &body.map, hinge);
+        let mut nodes = spoked.nodes(crest(level, spoked.lattice.size, &spoked.medial, &ahead));
         let mended = mend_crest(&mut nodes, level, cancel)?;
         if mended.left.is_empty() || round == CREST_ROUNDS {
             return Ok((nodes, mended));
         }
         // Spokes that cross along the edge, where cells are still legal.
         if round >= CREST_ROUNDS / 2 {
-            spread.even_out(&mended.left);
+            spoked.even_out(&mended.left);
         }
-        spread.calm(&mended.left);
-        spread.untangle()?;
+        spoked.calm(&mended.left);
+        spoked.untangle()?;
         round += 1;
     }
 }

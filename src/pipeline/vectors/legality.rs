@@ -1,4 +1,4 @@
-//! Stage 8, first part: whether thickness vectors cross.
+//! Whether thickness vectors cross: looked at while they are laid, and told by the stage `quality`.
 //!
 //! A *cell* is the hexahedron between a medial quad and its upper or lower quad, filled by the
 //! trilinear map. A *wedge* is the prism between the triangles (medial node, surface node, crest

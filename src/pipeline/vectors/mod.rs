@@ -1,4 +1,4 @@
-//! Stage 7 (section 4 of the paper): which surface nodes belong to which medial node, and the vectors between
+//! Stage `spokes` (section 4 of the paper): which surface nodes belong to which medial node, and the vectors between
 //! them.
 //!
 //! 1. Nodes are brought into space and paired with those of both sides. With `correspondence: "paper"` nodes of equal
@@ -8,7 +8,7 @@
 //! 2. The three meshes of the paper leave the rim open. Each node of the edge gets a crest point there (`crest`), so
 //!    that what the vectors fill is closed.
 //! 3. The paper's vectors are meant not to cross. We look ([`legality`]), and with `"anchored"` turn those that do
-//!    (`spread`, `untangle`, `mend`); what crosses whichever way it is turned is cut short (`shorten`).
+//!    (`spoked_lattice`, `untangle`, `mend_crest`); what crosses whichever way it is turned is cut short (`shorten`).
 
 mod nodes;
 
@@ -22,11 +22,11 @@ mod crest;
 
 pub mod legality;
 
-mod spread;
+mod spoked_lattice;
 
 mod untangle;
 
-mod mend;
+mod mend_crest;
 
 mod shorten;
 
@@ -39,7 +39,7 @@ use crate::model::{PerSurface, Repair};
 use crate::pipeline::context::Context;
 use crate::pipeline::lattice::Laid;
 use crate::pipeline::plane::Flat;
-use crate::pipeline::sheets::sides::SheetSides;
+use crate::pipeline::sides::SheetSides;
 use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::depth::Depth;
 

@@ -1,4 +1,4 @@
-//! Stage 7, `paper` (section 4): nodes of equal (i, j) on three lattices are paired.
+//! Correspondence `paper` (section 4 of the paper): nodes of equal (i, j) on three lattices are paired.
 //!
 //! The two sides are laid flat on their own, turned rigidly onto the medial embedding through the pairs of the stage of
 //! the sides (eigenvectors leave signs open, and on square sheets the rotation too), and get a lattice of their own.
@@ -14,7 +14,7 @@ use crate::numerics::field::Field;
 use crate::pipeline::lattice::Lattice;
 use crate::pipeline::lattice::map::SpaceFromPlane;
 use crate::pipeline::plane::Flat;
-use crate::pipeline::sheets::sides::{SheetSides, Side};
+use crate::pipeline::sides::{SheetSides, Side};
 use crate::pipeline::solid::Solid;
 
 /// Newton steps that carry a node onto the sub-voxel boundary. The second moves the overlap with the mask by 0.0001, those

@@ -2,14 +2,19 @@
 
 use std::collections::BTreeSet;
 
-use super::spread::Spread;
+use super::spoked_lattice::SpokedLattice;
 use crate::cancel::Cancelled;
 
 /// What a vector is shortened to in a round. At 0.95 the rounds are over while four of 33 structures still fold; at 0.7
 /// a fifth more nodes end short (288 against 244): more is cut than can be given back.
-pub const CUT: f64 = 0.85;
+pub(super) const CUT: f64 = 0.85;
 
-impl Spread<'_> {
+impl SpokedLattice<'_> {
+    /// Cuts a spoke back, by a share of what is left of it.
+    pub(super) fn shorten(&mut self, side: usize, n: usize) {
+        self.lengths[side][n] *= CUT;
+    }
+
     /// Gives the spokes of nodes that were cut back what they can have.
     pub(super) fn lengthen(&mut self, cut: &BTreeSet<usize>) -> Result<(), Cancelled> {
         for &n in cut {

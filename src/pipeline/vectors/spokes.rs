@@ -7,11 +7,11 @@
 use nalgebra::{Point2, Point3, Vector3};
 
 use super::crest::Ahead;
-use super::spread::{Surroundings, reach};
+use super::spoked_lattice::{Surroundings, reach};
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::{LatticeSize, ring};
 use crate::pipeline::lattice::map::{Node, SpaceFromPlane};
-use crate::pipeline::sheets::sides::SheetSides;
+use crate::pipeline::sides::SheetSides;
 use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::depth::Depth;
 

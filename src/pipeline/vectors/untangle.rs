@@ -1,7 +1,7 @@
 //! Legality by construction: spokes that cross are turned until they do not.
 //!
 //! 1. The directions of a cell that is turned over are averaged with those around it, again and again: only directions
-//!    fold a cell (see [`spread`](super::spread)), so that undoes the fold.
+//!    fold a cell (see [`spoked_lattice`](super::spoked_lattice)), so that undoes the fold.
 //! 2. Where the sheet itself is folded, its nodes are moved between their neighbours too: in the plane and back onto
 //!    the sheet.
 //! 3. Where that is of no use, they are moved in space.
@@ -11,8 +11,7 @@ use std::collections::BTreeSet;
 
 use nalgebra::{Point2, Point3, Vector2, Vector3};
 
-use super::shorten::CUT;
-use super::spread::{Spread, Tangle, nodes_around};
+use super::spoked_lattice::{SpokedLattice, Tangle, nodes_around};
 use crate::cancel::Cancelled;
 use crate::model::ring;
 
@@ -36,7 +35,7 @@ pub(super) enum Means {
 pub(super) const ROUNDS: [(Means, usize); 4] =
     [(Means::Turn, 40), (Means::Slide, 10), (Means::Lift, 40), (Means::Cut, 20)];
 
-impl Spread<'_> {
+impl SpokedLattice<'_> {
     /// Turns, moves and shortens until nothing is illegal, or the rounds are over. Returns how many
     /// places were illegal, or nearly so, before.
     ///
@@ -72,7 +71,7 @@ impl Spread<'_> {
             for &n in &tangle.crossing[side] {
                 self.cancel.check()?;
                 if means == Means::Cut {
-                    self.lengths[side][n] *= CUT;
+                    self.shorten(side, n);
                 } else {
                     self.let_reach(side, n);
                 }
@@ -169,7 +168,7 @@ mod tests {
     use crate::model::LatticeSize;
     use crate::pipeline::lattice::Lattice;
     use crate::pipeline::lattice::map::Node;
-    use crate::pipeline::vectors::spread::Surroundings;
+    use crate::pipeline::vectors::spoked_lattice::Surroundings;
 
     const SIZE: LatticeSize = LatticeSize { rows: 5, cols: 6 };
 
@@ -191,9 +190,9 @@ mod tests {
         }
     }
 
-    fn flat_spread() -> Spread<'static> {
+    fn flat_lattice() -> SpokedLattice<'static> {
         let flat: Vec<Point2<f64>> = (0..30).map(|n| Point2::new((n % 6) as f64, (n / 6) as f64)).collect();
-        Spread {
+        SpokedLattice {
             medial: flat.iter().map(|p| TwoPlanes.node(*p)).collect(),
             lattice: Lattice { size: SIZE, nodes: flat, valid: vec![true; 30], rim: Vec::new() },
             directions: [vec![Vector3::z(); 30], vec![-Vector3::z(); 30]],
@@ -208,29 +207,29 @@ mod tests {
 
     #[test]
     fn a_legal_lattice_is_left_alone() {
-        let mut spread = flat_spread();
-        assert_eq!((spread.untangle(), spread.touched.len()), (Ok(0), 0));
-        assert_eq!(spread.ends(0)[7], Point3::new(1.0, 1.0, 2.0));
+        let mut spoked = flat_lattice();
+        assert_eq!((spoked.untangle(), spoked.touched.len()), (Ok(0), 0));
+        assert_eq!(spoked.ends(0)[7], Point3::new(1.0, 1.0, 2.0));
     }
 
     #[test]
     fn crossing_vectors_are_turned_and_still_reach_the_surface() {
-        let mut spread = flat_spread();
-        spread.directions[0][8] = Vector3::new(-1.0, 0.0, 0.6).normalize();
-        spread.let_reach(0, 8);
-        assert!(spread.untangle().is_ok_and(|folds| folds > 0) && spread.touched.contains(&8));
-        assert!(spread.tangle().is_ok_and(|tangle| tangle.places == 0));
-        assert!(spread.ends(0).iter().all(|p| (p.z - 2.0).abs() < 1e-9));
-        assert_eq!(spread.ends(1)[8], Point3::new(2.0, 1.0, -2.0), "the other side is not touched");
+        let mut spoked = flat_lattice();
+        spoked.directions[0][8] = Vector3::new(-1.0, 0.0, 0.6).normalize();
+        spoked.let_reach(0, 8);
+        assert!(spoked.untangle().is_ok_and(|folds| folds > 0) && spoked.touched.contains(&8));
+        assert!(spoked.tangle().is_ok_and(|tangle| tangle.places == 0));
+        assert!(spoked.ends(0).iter().all(|p| (p.z - 2.0).abs() < 1e-9));
+        assert_eq!(spoked.ends(1)[8], Point3::new(2.0, 1.0, -2.0), "the other side is not touched");
     }
 
     #[test]
     fn a_node_beyond_its_neighbour_is_moved_between_them() {
-        let mut spread = flat_spread();
-        spread.lattice.nodes[8].x = 4.5;
-        spread.medial[8] = TwoPlanes.node(spread.lattice.nodes[8]);
-        assert!(spread.untangle().is_ok_and(|folds| folds > 0));
-        assert!(spread.tangle().is_ok_and(|tangle| tangle.places == 0));
-        assert!(spread.medial[8].position.x < 3.0);
+        let mut spoked = flat_lattice();
+        spoked.lattice.nodes[8].x = 4.5;
+        spoked.medial[8] = TwoPlanes.node(spoked.lattice.nodes[8]);
+        assert!(spoked.untangle().is_ok_and(|folds| folds > 0));
+        assert!(spoked.tangle().is_ok_and(|tangle| tangle.places == 0));
+        assert!(spoked.medial[8].position.x < 3.0);
     }
 }

@@ -1,4 +1,5 @@
-//! What was chosen where the user left the choice to the program, and from what.
+//! How many rows and columns a lattice gets (section 3 of the paper), and the evidence for it and for what else was
+//! chosen.
 
 use crate::model::{Automatic, GridFrom, LatticeSize, PerSurface};
 use crate::numerics::field::floor_index;

@@ -1,4 +1,4 @@
-//! Says that the runs of this process go on, and sees which of other processes do not.
+//! Extends the leases of this process's runs, and sees which runs of other processes do not go on.
 
 use std::sync::Arc;
 use std::time::Duration;

@@ -1,15 +1,11 @@
-//! A surface as the stages after the sheets see it: points in work space that know which others
-//! they touch.
+//! A surface as the stages see it, from the medial surface on: points in work space that know which others they touch.
 
 use nalgebra::Point3;
 
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::field::id;
 use crate::numerics::flood::pieces;
-use crate::numerics::parallel::each;
-
-/// Points that one thread takes at a time; fewer are not worth handing over.
-pub(super) const POINTS_PER_TASK: usize = 256;
+use crate::numerics::parallel::{POINTS_PER_TASK, each};
 
 /// Points of a surface, voxels of work space, with their 26-neighbours on it.
 #[derive(Clone, Debug, Default)]

@@ -44,7 +44,7 @@ pub fn reach(node: &Node) -> f64 {
 }
 
 /// A lattice whose spokes are being laid.
-pub struct Spread<'a> {
+pub struct SpokedLattice<'a> {
     /// The lattice in the plane.
     pub lattice: Lattice,
     /// Its nodes in space.
@@ -74,7 +74,7 @@ pub struct Tangle {
     pub folded: BTreeSet<usize>,
 }
 
-impl Spread<'_> {
+impl SpokedLattice<'_> {
     /// Where a spoke ends.
     fn end(&self, side: usize, n: usize) -> Point3<f64> {
         self.medial[n].position + self.directions[side][n] * self.lengths[side][n]

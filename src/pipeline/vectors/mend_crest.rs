@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use super::legality::{Part, legality};
 use super::nodes::Nodes;
 use super::shorten::CUT;
-use super::spread::nodes_around;
+use super::spoked_lattice::nodes_around;
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::ring;
 use crate::numerics::field::Field;

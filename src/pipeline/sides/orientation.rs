@@ -2,13 +2,13 @@
 
 use nalgebra::Vector3;
 
-use super::surface::Surface;
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::Refusal;
 use crate::numerics::spanning::along_strongest;
 use crate::pipeline::PipelineError;
 use crate::pipeline::medial::MedialSurface;
 use crate::pipeline::solid::Solid;
+use crate::pipeline::surface::Surface;
 
 /// Cosine of the feet of points whose normal is beyond doubt, for the orientability test: 135°. Nearer to the rim, where
 /// feet are seen under smaller angles, normals turn with every bump.

@@ -1,4 +1,4 @@
-//! Stage 4: the upper and lower side of each sheet, and the crest between them (section 2.3 of
+//! Stage `sides`: the upper and lower side of each sheet, and the crest between them (section 2.3 of
 //! the paper).
 //!
 //! The skin point that an inscribed ball touches belongs to that ball's medial point: the ball
@@ -8,21 +8,23 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::inscribed::Inscribed;
-use super::orientation::upward_normals;
-use super::surface::{POINTS_PER_TASK, Places, Surface, picked};
-use super::{Hinge, Sheets};
+use crate::pipeline::sheets::inscribed::Inscribed;
+mod orientation;
+
+use self::orientation::upward_normals;
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::field::id;
-use crate::numerics::parallel::each;
+use crate::numerics::parallel::{POINTS_PER_TASK, each};
 use crate::numerics::topology::cube;
 use crate::pipeline::PipelineError;
 use crate::pipeline::context::Context;
 use crate::pipeline::medial::MedialSurface;
+use crate::pipeline::sheets::{Hinge, Sheets};
 use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::depth::Depth;
+use crate::pipeline::surface::{Places, Surface, picked};
 
-pub use super::orientation::is_orientable;
+pub use self::orientation::is_orientable;
 
 /// Cosine between a spoke and the sheet's normal below which the skin point is crest: 60°. With less, the rim's
 /// round skin is of both sides, and they are laid flat far beyond the sheet; with more, slanted sides count as crest.

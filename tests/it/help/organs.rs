@@ -7,7 +7,7 @@ use medialrep::samples::{Patch, Sample, Solid};
 use medialrep::space::LabelVolume;
 use nalgebra::{Point3, Rotation3, Vector3};
 
-use crate::phantoms::{counted, roughened, sample};
+use crate::help::phantoms::{counted, roughened, sample};
 
 /// Name, what it brings, and the mask.
 pub type Organ = (&'static str, &'static str, fn() -> LabelVolume);

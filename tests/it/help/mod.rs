@@ -1,0 +1,15 @@
+//! What tests are made of. None is in here.
+
+pub mod left_out;
+
+pub mod process;
+
+pub mod nifti_bytes;
+
+pub mod phantoms;
+
+pub mod organs;
+
+pub mod models;
+
+pub mod support;
