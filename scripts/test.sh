@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Runs all tests and counts them. Installs what they need beyond the Rust toolchain and Node.js.
+# Runs all tests and counts them. Installs what they need beyond Rust, Node.js and a C compiler.
 set -uo pipefail
 cd "$(dirname "$0")/.."
 

@@ -38,7 +38,7 @@ impl Default for ServeConfig {
             listen: (Ipv4Addr::LOCALHOST, 8080).into(),
             data_dir: PathBuf::from("data"),
             workers: default_workers(),
-            drain: Duration::from_secs(30),
+            drain: Duration::from_secs(20),
             jobs: JobLimits {
                 queue: QueueLimits { jobs: 1000, bytes: 8 << 30, share_percent: 50 },
                 min_free_bytes: 512 << 20,

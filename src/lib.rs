@@ -32,15 +32,16 @@
 //!      ▼                                                  │
 //!  formats::readers ──► LabelVolume ──► pipeline ──► Model ──► formats::artifacts
 //!                                          │
-//!               solid ─ medial ─ sheets ─ plane ─ lattice ─ vectors ─ quality
+//!               solid ─ medial ─ sheets ─ sides ─ plane ─ lattice ─ vectors ─ quality
 //! ```
 //!
-//! The folders of [`pipeline`] are the boxes of the paper's figure 2; its `stages` have their order. `jobs::process` is
+//! The folders of [`pipeline`] are the boxes of the paper's figure 2, and the quality, which the paper has not; its
+//! `stages` have their order. `jobs::process` is
 //! the line from file to files: `medialrep run` calls it once, the service calls it from its workers. The page that
 //! people see is in `web`: npm builds it, `http::web` serves it, and it knows of the service what `openapi.yaml` says.
 //!
-//! Dependencies point one way: `cli → http → jobs → {audit, webhook, formats} → pipeline → model → {params, numerics} →
-//! space`. From `pipeline` on down nothing knows a web framework, the file system or the environment; a test holds
+//! Dependencies point one way: `cli → http → jobs → {audit, webhook, formats, pipeline} → model → {params, numerics} →
+//! space`. `pipeline`, `numerics` and `space` know no web framework, no file system and no environment; a test holds
 //! that. Stages are plain functions over plain data with one [`pipeline::context::Context`]; progress and cancelling go
 //! through [`pipeline::observer::Observer`].
 //!

@@ -1,5 +1,6 @@
-//! The artifacts of a result: one entry each. A further output is one more entry here, and its writer in
-//! [`super::write`].
+//! The artifacts of a result: one entry each. A further output is one more entry here, its writer in [`super::write`],
+//! and its name in [`ARTIFACT_NAMES`](crate::params::ARTIFACT_NAMES), so that parameters can ask for it: they know no
+//! format.
 
 use std::io::{self, Write};
 

@@ -25,7 +25,7 @@ medialrep: a label mask in, its medial sheet, surfaces and thickness vectors out
   GET    /v1/jobs/{id}                 one job: state, progress, results; ?wait=20 waits for its end
   GET    /v1/jobs/{id}/events          what happens to it, as server-sent events
   GET    /v1/jobs/{id}/result          the result in the media type of Accept
-  GET    /v1/jobs/{id}/results/{name}  model.glb, thickness.json, thickness.csv, points.csv
+  GET    /v1/jobs/{id}/results/{name}  a file of its result, such as model.glb
   POST   /v1/jobs/{id}/cancel          stop it
   POST   /v1/jobs/{id}/retry           run it again
   DELETE /v1/jobs/{id}                 erase it, mask and results

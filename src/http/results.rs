@@ -44,7 +44,8 @@ use crate::problem::Problem;
         (status = 404, body = Problem, content_type = PROBLEM_JSON, description = "`no_such_job`, `no_such_result`"),
         (status = 410, body = Problem, content_type = PROBLEM_JSON, description = "`results_erased`"),
         (status = 500, body = Problem, content_type = PROBLEM_JSON, description = "`result_damaged`, `internal`"),
-        (status = 416, body = Problem, content_type = PROBLEM_JSON, description = "`range_not_satisfiable`")
+        (status = 416, body = Problem, content_type = PROBLEM_JSON, description = "`range_not_satisfiable`"),
+        (status = 507, body = Problem, content_type = PROBLEM_JSON, description = "`storage_low`, `storage_full`: it would be made now")
     )
 )]
 pub async fn result(
@@ -75,7 +76,9 @@ pub async fn result(
         TooManyRequests,
         (status = 404, body = Problem, content_type = PROBLEM_JSON, description = "`no_such_job`, `no_such_result`"),
         (status = 406, body = Problem, content_type = PROBLEM_JSON, description = "`not_acceptable`"),
-        (status = 410, body = Problem, content_type = PROBLEM_JSON, description = "`results_erased`")
+        (status = 410, body = Problem, content_type = PROBLEM_JSON, description = "`results_erased`"),
+        (status = 500, body = Problem, content_type = PROBLEM_JSON, description = "`result_damaged`, `internal`"),
+        (status = 507, body = Problem, content_type = PROBLEM_JSON, description = "`storage_low`, `storage_full`: it would be made now")
     )
 )]
 pub async fn pick(

@@ -38,7 +38,7 @@ pub struct JobView {
     /// How far the run is; null unless running.
     #[schema(required)]
     progress: Option<ProgressView>,
-    /// 1 for the next to run; null unless queued.
+    /// By turn, from 1; a tenant with fewer running jobs goes before one with more. Null unless queued.
     #[schema(required)]
     queue_position: Option<u64>,
     /// Runs begun. More than 1 when the server stopped during a run.

@@ -6,8 +6,8 @@
 //!                                                 └── lease ran out, process gone, server stopped: queued again
 //! ```
 //!
-//! Beside the workers: `beat` keeps leases and sees whose worker is gone, `retention` erases
-//! what is old, `callbacks` sends webhooks. Several processes may share one data directory.
+//! Beside the workers: `leases` keeps leases and sees whose worker is gone, `retention` erases
+//! what is old, `callbacks` sends webhooks; `results` makes files on request from the record of a job. Several processes may share one data directory.
 //!
 //! The row is the truth: a file that no row names does not exist for anybody, and is swept. A row
 //! moves from state to state as the table in [`moves`] says and in no other way. [`place`] says where

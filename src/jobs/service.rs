@@ -36,7 +36,7 @@ pub struct JobStatus {
     pub job: Job,
     /// How far it is, when it runs here.
     pub progress: Option<Progress>,
-    /// 1 for the next to run, when it waits.
+    /// By turn, from 1, when it waits.
     pub queue_position: Option<u64>,
 }
 

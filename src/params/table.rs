@@ -132,17 +132,17 @@ pub static PARAMS: &[Param] = &[
         embedding,
         [Shape::Words(&Embedding::NAMES)],
         "The manifold learning that lays a sheet flat (in paper mode its two sides too): ISOMAP, locally linear \
-         embedding or Laplacian eigenmaps, all on the same graph."
+         embedding (of up to 20 neighbours) or Laplacian eigenmaps, all on the same graph."
     ),
     param!(
         names,
         [Shape::Texts { chars: NAME_CHARS, lengths: NAME_COUNT }],
-        "Names of labels, such as {\"11\": \"left caudate\"}, where the file has none."
+        "Names of labels, such as {\"11\": \"left caudate\"}, in place of those of the file."
     ),
     param!(
         outputs,
         [Shape::List { of: &Shape::Words(&ARTIFACT_NAMES), lengths: 1..=ARTIFACT_NAMES.len() }],
-        "Which files are made of the result."
+        "Which files are made with the result. A service makes the others when they are asked for."
     ),
 ];
 
