@@ -54,7 +54,7 @@ pub fn params_to_json(params: &CheckedParams) -> Value {
 
 /// A given value as JSON.
 #[must_use]
-pub fn given_to_json(given: &Given) -> Value {
+pub(crate) fn given_to_json(given: &Given) -> Value {
     match given {
         Given::Nothing => Value::Null,
         Given::Flag(flag) => Value::Bool(*flag),

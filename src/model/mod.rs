@@ -41,7 +41,8 @@ pub use quality::{
     StructureQuality, Threshold, Verdict,
 };
 pub use refusal::{Refusal, SHAPE_CODES};
-pub use shell::{EdgeStep, Quad, Shell, quad_area};
+pub(crate) use shell::{EdgeStep, quad_area};
+pub use shell::{Quad, Shell};
 pub use side::{PerSurface, Side};
 pub use stage::{Stage, StageTimings};
 pub use structure::{Junction, Model, Pruning, Structure};

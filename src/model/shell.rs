@@ -63,7 +63,7 @@ impl Quad {
 
 /// A step along the edge of the lattice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct EdgeStep {
+pub(crate) struct EdgeStep {
     /// Place of the first node in the ring, and of its crest point.
     pub here: usize,
     /// Place of the second.
@@ -100,7 +100,7 @@ impl<'a> Shell<'a> {
     }
 
     /// All steps round the edge without an invalid node.
-    pub fn edge_steps(self) -> impl Iterator<Item = EdgeStep> {
+    pub(crate) fn edge_steps(self) -> impl Iterator<Item = EdgeStep> {
         let edge = ring(self.size);
         (0..edge.len()).filter_map(move |here| {
             let next = (here + 1) % edge.len();
@@ -111,7 +111,7 @@ impl<'a> Shell<'a> {
 
     /// Whether a crest point is one with the surface node it starts at: a sharp rim.
     #[must_use]
-    pub fn is_merged(&self, side: Side, place: usize, node: usize) -> bool {
+    pub(crate) fn is_merged(&self, side: Side, place: usize, node: usize) -> bool {
         let (medial, skin, crest) = (self.medial[node], self.side(side)[node], self.crest[place]);
         (crest - skin).norm() <= MERGED * (skin - medial).norm().max((crest - medial).norm())
     }
@@ -119,6 +119,6 @@ impl<'a> Shell<'a> {
 
 /// Area of a quad `[a b; c d]`: half the cross product of its diagonals.
 #[must_use]
-pub fn quad_area([a, b, c, d]: [Point3<f64>; 4]) -> f64 {
+pub(crate) fn quad_area([a, b, c, d]: [Point3<f64>; 4]) -> f64 {
     (d - a).cross(&(c - b)).norm() / 2.0
 }

@@ -43,7 +43,7 @@ impl Field {
 
     /// Gradient per voxel, by central differences.
     #[must_use]
-    pub fn gradient(&self, p: Point3<f64>) -> Vector3<f64> {
+    pub(crate) fn gradient(&self, p: Point3<f64>) -> Vector3<f64> {
         Vector3::from_fn(|axis, _| {
             let mut step = Vector3::zeros();
             step[axis] = GRADIENT_STEP;
@@ -54,7 +54,7 @@ impl Field {
     /// First zero of the field along `direction` (unit) from `from`, where it is positive:
     /// the distance, at most `reach`; `None` when the field stays positive that far.
     #[must_use]
-    pub fn first_zero(&self, from: Point3<f64>, direction: Vector3<f64>, reach: f64) -> Option<f64> {
+    pub(crate) fn first_zero(&self, from: Point3<f64>, direction: Vector3<f64>, reach: f64) -> Option<f64> {
         /// Step of the march, voxels. The field is smooth over a voxel; half of one cannot
         /// jump over a wall that a mask can hold.
         const STEP: f64 = 0.5;
@@ -103,7 +103,7 @@ pub fn centre(voxel: VoxelIndex) -> Point3<f64> {
 
 /// Floor of a non-negative coordinate as an index.
 #[must_use]
-pub fn floor_index(x: f64) -> usize {
+pub(crate) fn floor_index(x: f64) -> usize {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,

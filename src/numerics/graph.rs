@@ -76,12 +76,6 @@ impl Graph {
         self.place.len()
     }
 
-    /// Whether there is no node.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
     /// Mean number of neighbours; 0 without nodes.
     #[must_use]
     pub fn mean_degree(&self) -> f64 {

@@ -1,46 +1,46 @@
 //! Algorithms that know no anatomy: fields on grids, digital topology, graphs, fits.
 //! Lengths are in voxels of an isotropic grid unless a name says otherwise.
 
-pub mod parallel;
+pub(crate) mod parallel;
 
 pub mod field;
 
-pub mod smooth;
+pub(crate) mod smooth;
 
-pub mod distance;
+pub(crate) mod distance;
 
-pub mod components;
+pub(crate) mod components;
 
 pub mod topology;
 
-pub mod flood;
+pub(crate) mod flood;
 
-pub mod graph;
+pub(crate) mod graph;
 
-pub mod spanning;
+pub(crate) mod spanning;
 
-pub mod eigen;
+pub(crate) mod eigen;
 
-pub mod sparse;
+pub(crate) mod sparse;
 
-pub mod balls;
+pub(crate) mod balls;
 
-pub mod points;
+pub(crate) mod points;
 
-pub mod cells;
+pub(crate) mod cells;
 
-pub mod raster;
+pub(crate) mod raster;
 
-pub mod contour;
+pub(crate) mod contour;
 
-pub mod fit;
+pub(crate) mod fit;
 
-pub mod moments;
+pub(crate) mod moments;
 
-pub mod polyline;
+pub(crate) mod polyline;
 
-pub mod stats;
+pub(crate) mod stats;
 
-pub mod surface_nets;
+pub(crate) mod surface_nets;
 
 pub mod triangles;

@@ -10,7 +10,7 @@ use super::parallel::each_number;
 use crate::cancel::{Cancel, Cancelled};
 
 /// The centre's bit number.
-pub const CENTRE: u32 = 13;
+pub(crate) const CENTRE: u32 = 13;
 
 const TABLES: Tables = Tables::new();
 
@@ -33,7 +33,7 @@ pub fn neighborhood(cell: impl Fn(usize) -> u8, offset: usize, nx: usize, nxy: u
 
 /// Offsets of the 27 voxels of a neighbourhood, ascending.
 #[must_use]
-pub fn cube(offset: usize, nx: usize, nxy: usize) -> [usize; 27] {
+pub(crate) fn cube(offset: usize, nx: usize, nxy: usize) -> [usize; 27] {
     let mut voxels = [0; 27];
     let mut bit = 0;
     for z in [offset - nxy, offset, offset + nxy] {
@@ -73,7 +73,7 @@ pub fn is_simple(bits: u32) -> bool {
 /// Whether the centre is the end of a surface: in one of the nine digital planes through it,
 /// it has at most one neighbour.
 #[must_use]
-pub fn is_surface_end(bits: u32) -> bool {
+pub(crate) fn is_surface_end(bits: u32) -> bool {
     TABLES.planes.iter().any(|plane| (bits & plane).count_ones() < 2)
 }
 

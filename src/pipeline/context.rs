@@ -54,7 +54,7 @@ pub struct Part {
 
 impl Part {
     /// A stage that is done in one go.
-    pub const WHOLE: Self = Self { number: 0, of: 1 };
+    pub(crate) const WHOLE: Self = Self { number: 0, of: 1 };
 
     /// Share of the stage when this share of the part is done.
     fn share(self, done: f64) -> f64 {
@@ -90,7 +90,7 @@ impl<'a> Context<'a> {
     ///
     /// # Errors
     /// Those of `work`; when it is cancelled.
-    pub fn part_of_stage<T, E: From<Cancelled>>(
+    pub(crate) fn part_of_stage<T, E: From<Cancelled>>(
         &self,
         stage: Stage,
         part: Part,
@@ -109,7 +109,7 @@ impl<'a> Context<'a> {
     }
 
     /// Reports that this share of the stage, or of the part of it, is done; nothing once the run is to stop.
-    pub fn advance(&self, share: f64) {
+    pub(crate) fn advance(&self, share: f64) {
         if !self.is_cancelled() {
             self.tell(share);
         }
@@ -129,7 +129,7 @@ impl<'a> Context<'a> {
 
     /// What the stages have left.
     #[must_use]
-    pub fn into_notes(self) -> Notes {
+    pub(crate) fn into_notes(self) -> Notes {
         self.notes.into_inner().unwrap_or_else(PoisonError::into_inner)
     }
 

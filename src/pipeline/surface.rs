@@ -22,7 +22,7 @@ impl Surface {
     ///
     /// # Errors
     /// When it is cancelled.
-    pub fn part_of(
+    pub(crate) fn part_of(
         adjacency: &[Vec<u32>],
         members: &[u32],
         positions: Vec<Point3<f64>>,
@@ -76,7 +76,7 @@ impl Places {
     }
 
     /// Places of those points that are members, in their order.
-    pub fn of_those(&self, points: &[u32]) -> Vec<u32> {
+    pub(crate) fn of_those(&self, points: &[u32]) -> Vec<u32> {
         points.iter().filter_map(|&p| self.0[p as usize]).collect()
     }
 }

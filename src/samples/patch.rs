@@ -54,7 +54,7 @@ impl Patch {
 
     /// Balls no further apart than `STEP_MM` along either parameter.
     #[must_use]
-    pub fn balls(&self) -> Vec<Ball> {
+    pub(crate) fn balls(&self) -> Vec<Ball> {
         let across = self.samples(|a, b| [a, b]);
         let along = self.samples(|a, b| [b, a]);
         let mut balls = Vec::with_capacity(across * along);

@@ -42,18 +42,6 @@ impl Sparse {
         self.starts.len() - 1
     }
 
-    /// Whether there is no row.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// Number of entries that are kept.
-    #[must_use]
-    pub fn entries(&self) -> usize {
-        self.values.len()
-    }
-
     /// Columns and values of a row.
     #[must_use]
     pub fn row(&self, row: usize) -> (&[u32], &[f64]) {
@@ -151,7 +139,7 @@ mod tests {
     #[test]
     fn an_empty_matrix_has_nothing() {
         let none = Sparse::from_rows(Vec::new());
-        assert!(none.is_empty() && none.is_finite() && none.entries() == 0);
+        assert!(none.len() == 0 && none.is_finite() && none.values.is_empty());
         assert_eq!((none.trace(), none.bound()), (0.0, 0.0));
     }
 }

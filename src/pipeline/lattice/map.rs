@@ -54,7 +54,7 @@ impl<'a> SpaceFromPlane<'a> {
     /// The map of points that reach up to the rim: a place far from all of them lies in a hole, and is
     /// read from what is around it.
     #[must_use]
-    pub fn over_holes(self) -> Self {
+    pub(crate) fn over_holes(self) -> Self {
         Self { overreach: f64::INFINITY, ..self }
     }
 

@@ -23,7 +23,7 @@ mod patch;
 
 mod slide;
 
-pub mod rim;
+pub(crate) mod rim;
 
 pub mod map;
 

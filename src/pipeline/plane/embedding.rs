@@ -6,7 +6,7 @@
 //! - Laplacian eigenmaps, which keep neighbours close (`super::laplacian`).
 //!
 //! The last two give a plane up to a linear map only. It is scaled so that lengths are true on the whole
-//! ([`Tangents::scale`]) and turned to its axes. A fit of the squared plane distances to the squared geodesic ones would
+//! (`Tangents::scale`) and turned to its axes. A fit of the squared plane distances to the squared geodesic ones would
 //! be the scale of the lowest residual variance, by a little; but geodesics of a sheet that bends in its plane run round
 //! the bend, which makes it narrower than it is (angles off by 5° instead of 2° on a caudate), and where an eigenvector
 //! repeats another the fit is no metric.
@@ -29,7 +29,7 @@ use crate::pipeline::surface::Surface;
 
 /// Points that are laid out by eigenvectors at most: matrix, factor and vectors take 8 kB a point then, as much in all as
 /// exact ISOMAP takes at its limit.
-pub const SPECTRAL_LIMIT: usize = 100_000;
+pub(crate) const SPECTRAL_LIMIT: usize = 100_000;
 /// Waves among which Laplacian eigenmaps look for the second coordinate: enough for sheets six times as long as
 /// they are wide.
 const WAVES: usize = 7;

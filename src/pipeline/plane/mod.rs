@@ -2,7 +2,7 @@
 //!
 //! 1. `cut`: every sheet is laid flat (`embedding`, over `graph` and `geodesics`, by `isomap`, `lle` or `laplacian`),
 //!    judged, and cut where it has no plane of its own (`tangents` and `region` tell);
-//! 2. [`framed`]: its plane is turned into a frame that the world fixes (`frame`), narrow tails get back their width
+//! 2. `framed`: its plane is turned into a frame that the world fixes (`frame`), narrow tails get back their width
 //!    (`strip`), and the sides take their coordinates from the sheet, or are laid flat themselves.
 //!
 //! Where we leave the paper: edges of the graph stay on the surface, and geodesics start at landmarks, not at every
@@ -21,13 +21,13 @@ mod lle;
 
 mod laplacian;
 
-pub mod tangents;
+pub(crate) mod tangents;
 
 pub mod region;
 
-pub mod cut;
+pub(crate) mod cut;
 
-pub mod frame;
+pub(crate) mod frame;
 
 pub mod strip;
 
@@ -67,7 +67,7 @@ pub struct Framed {
 ///
 /// # Errors
 /// When it cannot be laid flat; when it is cancelled.
-pub fn framed(
+pub(crate) fn framed(
     solid: &Solid,
     sheet: &SheetSides,
     laid: Option<Flat>,

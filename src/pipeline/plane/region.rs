@@ -19,7 +19,7 @@ use crate::numerics::smooth::gaussian;
 use crate::space::Grid;
 
 /// Pixel of the region's raster, voxels.
-pub const PITCH: f64 = 0.5;
+pub(crate) const PITCH: f64 = 0.5;
 /// Gaps between points up to twice this are part of the sheet, voxels. Neighbours on a staircase
 /// lie up to 1.8 apart.
 const CLOSING: f64 = 1.5;
@@ -32,7 +32,7 @@ const OVERHANG: f64 = 0.5;
 const OUTLINE_SIGMA: f64 = 1.0;
 /// Share of a sheet's area from which its holes are not filled but refused: every seventh node would lie
 /// on nothing.
-pub const HOLES_REFUSED: f64 = 0.15;
+pub(crate) const HOLES_REFUSED: f64 = 0.15;
 /// Free pixels around the points.
 const PADDING: usize = 12;
 
@@ -74,7 +74,7 @@ impl Region {
 
     /// The same region with another outline, counter-clockwise, no further than a few voxels away.
     #[must_use]
-    pub fn reshaped(&self, outline: &[Point2<f64>]) -> Self {
+    pub(crate) fn reshaped(&self, outline: &[Point2<f64>]) -> Self {
         let level = Field(self.raster.signed_distance(outline, BAND));
         Self { raster: self.raster, level, gap: self.gap.clone(), slack: 1.0, hole_share: self.hole_share }
     }
@@ -90,7 +90,7 @@ impl Region {
 
     /// The longest closed curve where the level is 0, counter-clockwise.
     #[must_use]
-    pub fn outline(&self) -> Vec<Point2<f64>> {
+    pub(crate) fn outline(&self) -> Vec<Point2<f64>> {
         let contour = longest_contour(&self.level.0);
         contour.into_iter().map(|at| self.raster.origin + at * PITCH).collect()
     }
@@ -105,7 +105,7 @@ impl Region {
     /// Unit directions of the longest and the shortest extent, from the second moments of the
     /// area (not of the points, whose density depends on the grid), and the root moments.
     #[must_use]
-    pub fn principal_axes(&self) -> ([Vector2<f64>; 2], [f64; 2]) {
+    pub(crate) fn principal_axes(&self) -> ([Vector2<f64>; 2], [f64; 2]) {
         let (count, mean, second) = self.moments();
         let axes = Axes2::of(second / count - mean * mean.transpose());
         (axes.directions, axes.values.map(|moment| moment.max(0.0).sqrt()))
@@ -121,7 +121,7 @@ impl Region {
     /// Number of inside pixels (at least 1), mean of their positions from the origin, and sum of
     /// the positions' products.
     #[must_use]
-    pub fn moments(&self) -> (f64, Vector2<f64>, Matrix2<f64>) {
+    pub(crate) fn moments(&self) -> (f64, Vector2<f64>, Matrix2<f64>) {
         let (mut count, mut sum, mut second) = (0.0f64, Vector2::zeros(), Matrix2::zeros());
         for at in self.pixels() {
             count += 1.0;

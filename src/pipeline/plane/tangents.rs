@@ -89,12 +89,6 @@ impl Tangents {
         Ok(Self { planes: planes.into_iter().flatten().collect() })
     }
 
-    /// Whether no point has a tangent plane.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.planes.is_empty()
-    }
-
     /// The linear map after which lengths in a plane are those on the sheet, as nearly as a linear map can make
     /// them: with the maps J of all points, the mean of A J Jᵀ Aᵀ is 1. `None` where the plane is a line.
     #[must_use]
@@ -288,7 +282,7 @@ mod tests {
     fn strings_and_lines_are_decided() {
         let (surface, _) = bent(1, 30, 1e6);
         let string = Tangents::of(&surface, &Never).expect("not stopped");
-        assert!(string.is_empty());
+        assert!(string.planes.is_empty());
         assert_eq!(string.distortion(&[]), None);
         assert_eq!(string.scale(&[]), None);
         let (tangents, flat) = tangents();

@@ -25,7 +25,7 @@ mod joining;
 
 mod pruning;
 
-pub mod inscribed;
+pub(crate) mod inscribed;
 
 mod trimming;
 
@@ -52,7 +52,7 @@ use crate::pipeline::solid::depth::Depth;
 
 /// Medial points that the main sheet needs: fewer are less than a lattice of 3 × 3 nodes with
 /// something to fit each to.
-pub const MIN_SHEET_POINTS: usize = 40;
+pub(crate) const MIN_SHEET_POINTS: usize = 40;
 
 /// No sheet.
 pub const NO_SHEET: u32 = u32::MAX;

@@ -49,7 +49,7 @@ pub struct Depth {
     pub skin_voxels: Vec<usize>,
     /// Depth below the skin, voxels; 0 outside.
     pub depth: Grid<f32>,
-    /// Index of the nearest skin point; [`NO_SEED`] outside.
+    /// Index of the nearest skin point; `u32::MAX` outside.
     pub nearest: Grid<u32>,
 }
 
@@ -70,7 +70,7 @@ impl SkinPoint {
 impl Depth {
     /// The skin point of a boundary voxel; `None` of any other voxel.
     #[must_use]
-    pub fn skin_at(&self, voxel: usize) -> Option<u32> {
+    pub(crate) fn skin_at(&self, voxel: usize) -> Option<u32> {
         let nearest = self.nearest.as_slice()[voxel];
         (nearest != NO_SEED && self.skin_voxels[nearest as usize] == voxel).then_some(nearest)
     }

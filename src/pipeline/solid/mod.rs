@@ -2,7 +2,7 @@
 //! working grid, with a sub-voxel boundary.
 //!
 //! 1. The label's box is cut out, its axes in the order of the world ([`cut_out`]).
-//! 2. The largest part is kept, cavities are filled ([`clean`]).
+//! 2. The largest part is kept, cavities are filled (`clean`).
 //! 3. It is brought to an isotropic grid by its signed distance (`resample`), unless it is on one.
 //! 4. Smoothing makes a level of it that is 0 on the sub-voxel boundary.
 //! 5. A repeat of the uncertainty moves the boundary (`perturb`).
@@ -18,7 +18,7 @@
 
 pub mod cut_out;
 
-pub mod clean;
+pub(crate) mod clean;
 
 mod working_grid;
 
@@ -26,7 +26,7 @@ mod resample;
 
 mod perturb;
 
-pub mod senses;
+pub(crate) mod senses;
 
 pub mod depth;
 
@@ -172,7 +172,7 @@ fn object_mesh(solid: &Solid, cancel: &dyn Cancel) -> Result<TriangleMesh, Cance
 impl Solid {
     /// Points of work space in the world.
     #[must_use]
-    pub fn in_world(&self, points: &[Point3<f64>]) -> Vec<WorldPoint> {
+    pub(crate) fn in_world(&self, points: &[Point3<f64>]) -> Vec<WorldPoint> {
         points.iter().map(|p| self.world_from_work.point(*p)).collect()
     }
 }

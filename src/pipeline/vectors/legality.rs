@@ -149,7 +149,7 @@ fn cell_jacobians(shell: Shell<'_>, side: Side, quad: Quad) -> [f64; 9] {
 /// The derivatives along i, along j and across, in the same nine places, of the trilinear map of the
 /// cell between two quads, the medial one first.
 #[must_use]
-pub fn cell_edges(layers: [[Point3<f64>; 4]; 2]) -> [[Vector3<f64>; 3]; 9] {
+pub(crate) fn cell_edges(layers: [[Point3<f64>; 4]; 2]) -> [[Vector3<f64>; 3]; 9] {
     let mut edges = [[Vector3::zeros(); 3]; 9];
     let mut middle = [Vector3::zeros(); 3];
     for (slot, edges) in edges.iter_mut().take(8).enumerate() {
