@@ -137,7 +137,7 @@ pub static PARAMS: &[Param] = &[
     param!(
         names,
         [Shape::Texts { chars: NAME_CHARS, lengths: NAME_COUNT }],
-        "Names of labels, such as {\"11\": \"left caudate\"}, in place of those of the file."
+        "Names by label (11: left caudate), in place of those of the file."
     ),
     param!(
         outputs,
