@@ -23,6 +23,8 @@ interface Message {
 export interface Structure {
   index: number;
   label: number;
+  /** From the parameters or the file; null where neither has one. */
+  name?: string | null;
   /** Why it has no medial representation. */
   refusal?: Message & { hint?: string };
   figures: Figure[];

@@ -8,7 +8,7 @@ import { Plane } from "./plane";
 import { type Points, parsePoints } from "./points";
 import { ProblemNote } from "./problem";
 import type { View } from "./view";
-import { bytes, number } from "./words";
+import { bytes, number, structureName } from "./words";
 
 /** Larger files of points are loaded only when asked for. */
 const MAX_POINTS_BYTES = 20e6;
@@ -88,7 +88,7 @@ function usePoints(job: Job) {
 
 function FigureSelect({ view }: { view: View }) {
   const figure = view.flat.value;
-  const labels = new Map(view.result.structures.map(({ index, label }) => [index, label]));
+  const names = new Map(view.numbers.structures.map((structure) => [structure.index, structureName(structure)]));
   return (
     <select
       aria-label="Figure laid flat"
@@ -100,7 +100,7 @@ function FigureSelect({ view }: { view: View }) {
     >
       {view.shownFigures.value.map(({ structure, index }) => (
         <option key={`${structure}/${index}`} value={`${structure}/${index}`}>
-          label {labels.get(structure)}, figure {index}
+          {names.get(structure)}, figure {index}
         </option>
       ))}
     </select>

@@ -1,7 +1,7 @@
 import type { Structure } from "../model/thickness";
 import { VerdictBadge, verdictOf } from "./verdict";
 import type { View } from "./view";
-import { number } from "./words";
+import { number, structureName } from "./words";
 
 /** Which structures and figures are shown. */
 export function StructurePanel({ view }: { view: View }) {
@@ -37,7 +37,8 @@ interface RowProps {
 }
 
 function StructureRow({ structure, view, names }: RowProps) {
-  const { index, label, figures, thickness_summary } = structure;
+  const { index, figures, thickness_summary } = structure;
+  const named = structureName(structure);
   const only = () => {
     view.style.showOnly(`${index}`, names);
     view.viewer.value?.fit();
@@ -45,11 +46,11 @@ function StructureRow({ structure, view, names }: RowProps) {
   return (
     <li>
       <div class="row">
-        <Check view={view} name={`${index}`} label={`label ${label}`} />
+        <Check view={view} name={`${index}`} label={named} />
         <VerdictBadge verdict={verdictOf(structure)} />
         <span class="hint">{figures.length > 0 && `${number(thickness_summary.total_mm.mean, 1)} mm`}</span>
         {names.length > 1 && (
-          <button type="button" class="small" onClick={only} aria-label={`Show only label ${label}`}>
+          <button type="button" class="small" onClick={only} aria-label={`Show only ${named}`}>
             only
           </button>
         )}

@@ -1,5 +1,5 @@
 import type { Structure, Thickness, Verdict } from "../model/thickness";
-import { plural } from "./words";
+import { plural, structureName } from "./words";
 
 /** A refused structure has no verdict of its own: there is nothing to judge. */
 type Judged = Verdict | "none";
@@ -50,7 +50,7 @@ export function VerdictPanel({ numbers: { structures, warnings } }: { numbers: T
       <ul class="verdicts">
         {telling.map((structure) => (
           <li key={structure.index}>
-            <VerdictBadge verdict={verdictOf(structure)} /> label {structure.label}
+            <VerdictBadge verdict={verdictOf(structure)} /> {structureName(structure)}
             <ul>
               {sayings(structure).map((saying) => (
                 <li key={saying}>{saying}</li>

@@ -1,6 +1,7 @@
 /** Numbers, times and states in words. */
 
 import type { Job, Progress } from "../api/client";
+import type { Structure } from "../model/thickness";
 
 export function bytes(count: number): string {
   const units = ["B", "kB", "MB", "GB"];
@@ -14,6 +15,11 @@ export function number(value: number | null | undefined, decimals = 2): string {
   if (value === null || value === undefined) return "–";
   const text = value.toFixed(decimals);
   return Number(text) === 0 ? text.replace("-", "") : text;
+}
+
+/** A structure by its name, where it has one, and its label. */
+export function structureName({ label, name }: Pick<Structure, "label" | "name">): string {
+  return name ? `${name} (label ${label})` : `label ${label}`;
 }
 
 export function duration(seconds: number): string {

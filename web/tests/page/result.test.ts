@@ -312,6 +312,17 @@ test("what is laid flat is never what is hidden", async () => {
   await page.getByText("No figure is shown that could be laid flat.").waitFor();
 });
 
+test("a structure that has a name is called by it", async () => {
+  const page = await pages.open();
+  const names = { 11: "left caudate" };
+  const { id } = await finishedJob(pages.service, sampleFile(pages.files, "two"), { names });
+  await openJob(page, pages.service.url, id);
+  await page.getByRole("checkbox", { name: "left caudate (label 11)", exact: true }).waitFor();
+  await page.getByRole("checkbox", { name: "label 2101", exact: true }).waitFor();
+  const laidFlat = page.getByLabel("Figure laid flat").locator("option");
+  expect(await laidFlat.first().textContent()).toBe("left caudate (label 11), figure 0");
+});
+
 test("nodes off the sheet are told of", async () => {
   const page = await pages.open();
   const params = { lattice: "regular", grid: { rows: 9, cols: 12 } };
