@@ -3,8 +3,9 @@
 
 use nalgebra::{Matrix2, Point2, SMatrix, SVector, Vector2};
 
-/// Pull of the second-order terms towards 0, relative to the weight of the points. Keeps fits at
-/// rims, where points lie on one side only, from bending away.
+/// Pull of the second-order terms towards 0, relative to the weight of the points. Keeps fits at rims, where points lie
+/// on one side only, from bending away. With 0.1, fits cut bends, and medial nodes of 75 organs and shapes lie nearly
+/// twice as far from the middle; with 1e-5, or none, nothing changes but by chance.
 const CURVATURE_RIDGE: f64 = 1e-3;
 /// Pull of all terms but the constant, for points on a line.
 const RIDGE: f64 = 1e-8;

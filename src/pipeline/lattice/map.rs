@@ -7,19 +7,25 @@ use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::cells::Cells;
 use crate::numerics::fit::{LocalFit, quadratic};
 
-/// Radius of the local fits, voxels. Below 3 the staircase shows; above 6 bends of small radius
-/// are flattened.
+/// Radius of the local fits, voxels. Below 3 the staircase shows: with 2.5, 532 nodes of 74 organs and shapes are
+/// repaired, not 328. Above 6 bends of small radius are flattened: with 10, medial nodes lie twice as far from the
+/// middle.
 const FIT_RADIUS: f64 = 5.0;
-/// How far from its nearest point a fit may be read, voxels. The rim of a sheet lies up to one
-/// voxel beyond its outermost points.
+/// How far from its nearest point a fit may be read, voxels. The rim of a sheet lies up to one voxel beyond its
+/// outermost points. With 1, a wedge of a substantia nigra laid out as in the paper is turned over, and little else
+/// changes; with 4 or 6, nothing does.
 const OVERREACH: f64 = 2.0;
 /// Radius of the fit of the slope of the values, in values: the radius of a medial sheet changes over
 /// lengths of the radius itself, and what changes faster is the staircase. With 0.5, a hippocampus has 9 folded corners
 /// before repair, not 3; with 4 little changes.
 const SLOPE_RADII: f64 = 1.5;
-/// The same at most, voxels.
+/// The same at most, voxels. With 6, masks of two putamina and of a thalamus lie 5 to 8 % further from the model; with
+/// 24, four of 75 organs and shapes change by more than 0.001 in overlap, a bladder by 0.014, and a slope takes four
+/// times as long.
 const MAX_SLOPE_RADIUS: f64 = 12.0;
-/// Radius of a fit in a hole, in radii of the hole: points all around must count.
+/// Radius of a fit in a hole, in radii of the hole: points all around must count. The holes of 75 organs and shapes are
+/// too small to tell: from 0 to 2 one changes, a thalamus, by less than 0.0005 in overlap; with 4 twelve, by 0.001 at
+/// most.
 const HOLE_RADII: f64 = 2.0;
 
 /// The map from the plane back to space: position and one more value of every point.

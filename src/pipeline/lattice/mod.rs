@@ -48,18 +48,19 @@ use crate::pipeline::sides::SheetSides;
 use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::depth::Depth;
 
-/// A sheet shorter than this many radii is that of a ball, one narrower than this many that of a
-/// tube.
+/// A sheet shorter than this many radii is that of a ball, one narrower than this many that of a tube. From 0.5 to 1
+/// nothing changes; with 2, a bladder is refused.
 const BALL_LENGTH: f64 = 1.0;
-/// See [`BALL_LENGTH`].
+/// See [`BALL_LENGTH`]. With 1.6, eight of 75 organs and shapes are refused, two thalami among them, which pass; with
+/// 0.4, a rectum and a bladder are laid out that then fail, and an accumbens that does not.
 const TUBE_WIDTH: f64 = 0.8;
 /// Share of a sheet's area that holes may take before it is said that they were filled: gaps of a
 /// voxel or two in a skeleton are no holes of the organ.
 const HOLES_SAID: f64 = 0.02;
 /// Harmonic share left free at the rim in `paper` mode. It is a small part of a voxel along a smooth rim and several
-/// voxels in a narrow tip, where the three surfaces end differently: lattices that run to the end of
-/// tips fold there (2 to 10 % of the corners on organs with tails, against 0 to 2.5 %). What is
-/// left free belongs to the crest.
+/// voxels in a narrow tip, where the three surfaces end differently: lattices that run to the end of tips fold there (2
+/// to 10 % of the corners on organs with tails, against 0 to 2.5 %). What is left free belongs to the crest. With 0.05,
+/// masks of 26 organs and shapes lie a third further from the model on average.
 const RIM_INSET: f64 = 0.01;
 
 /// Nodes of a lattice in the plane, row-major.

@@ -117,7 +117,9 @@ fn moved(outline: &[Point2<f64>], walks: &[Walk]) -> Vec<Point2<f64>> {
 
 /// Unit outward normal of a counter-clockwise curve.
 fn outward(curve: &[Point2<f64>], k: usize) -> Vector2<f64> {
-    /// Points to either side that the tangent is taken between.
+    /// Points to either side that the tangent is taken between. With 12 it cuts bends: medial nodes of 75 organs and
+    /// shapes lie 5 % further from the middle on average, and a part of a spleen 2.3 mm from its mask, not 1.5. From 1
+    /// to 6 no more changes than by chance.
     const SPAN: usize = 2;
     let n = curve.len();
     let along = curve[(k + SPAN) % n] - curve[(k + n - SPAN) % n];
@@ -187,7 +189,10 @@ impl Walk {
     /// Whether the boundary comes nearer as fast as one walks: beyond the rim of a round end, where the
     /// staircase around keeps the gap from closing.
     fn is_past_rim(&self, depth: &Depth) -> bool {
-        /// Length over which that is looked at, voxels, and the share of it that counts as all.
+        /// Length over which that is looked at, voxels, and the share of it that counts as all. With lengths of 0.5 or
+        /// 2 no more changes than by chance. With a share of 0.5, walks end early: masks of 75 organs and shapes lie
+        /// 4 % further from the model on average, and nearly twice as many corners are folded before repair. With more
+        /// than 1 it is never so: masks lie 2 % nearer, but medial nodes 4 % further from the middle.
         const WINDOW: (f64, f64) = (1.0, 0.8);
         let end = self.depth_at(self.length, depth);
         end - self.depth_at(self.length + WINDOW.0, depth) > WINDOW.0 * WINDOW.1
@@ -226,9 +231,12 @@ fn way_to_hinge(from: Point3<f64>, direction: Vector3<f64>, hinge: &[Point3<f64>
 
 /// Whether a way leads along a hinge and not to it.
 fn leads_along(hinge: &[Point3<f64>], from: Point3<f64>, way: Vector3<f64>, direction: Vector3<f64>) -> bool {
-    /// Cosine between the way and the hinge above which the way leads along it: 30°.
+    /// Cosine between the way and the hinge above which the way leads along it: 30°. With 0.5, ways that meet a hinge
+    /// aslant are not taken: a part of a spleen lies 4.4 mm from its mask on average, not 1.5. With more than 1, when
+    /// none leads along, its overlap is 0.903, not 0.909; nothing else changes but by chance.
     const ALONG: f64 = 0.85;
-    /// Radius in which the direction of the hinge is taken, voxels: less shows its steps, more its bends.
+    /// Radius in which the direction of the hinge is taken, voxels. Less shows its steps: with 3, a cross has 8 folded
+    /// corners before repair, not none. More shows its bends: with 12, the overlap of a spleen is 0.902, not 0.909.
     const LOCAL: f64 = 6.0;
     let mut spread = Matrix3::zeros();
     for h in hinge {

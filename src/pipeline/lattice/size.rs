@@ -8,7 +8,8 @@ use crate::pipeline::lattice::Lattice;
 use crate::pipeline::plane::region::Region;
 use crate::pipeline::plane::{AUTO_RADIUS, Flat};
 
-/// Nodes of an automatic lattice without a spacing: the paper's 6 × 8 and a little more.
+/// Nodes of an automatic lattice without a spacing: the paper's 6 × 8 and a little more. With 32, masks of 74 organs
+/// and shapes lie 18 % further from the model on average; with 128, 10 % nearer, but 76 nodes end short, not 24.
 const NODES: f64 = 64.0;
 
 /// The lattice for a sheet and the evidence for all choices.

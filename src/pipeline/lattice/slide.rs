@@ -7,11 +7,15 @@ use crate::cancel::{Cancel, Cancelled};
 use crate::model::LatticeSize;
 use crate::numerics::polyline::Polyline;
 
-/// Rounds of sliding at most; 20 bring the spacing below 1 % of its mean on ellipses.
+/// Rounds of sliding at most; 20 bring the spacing below 1 % of its mean on ellipses. Without any, the spacing of
+/// organs varies by 0.10 on average, not 0.04, and 31 of 75 masks lie more than 5 % further from the model; 3 do nearly
+/// as well as 30, and 90 no better.
 const SLIDE_ROUNDS: usize = 30;
-/// Largest movement, as a share of the lattice, at which sliding ends.
+/// Largest movement, as a share of the lattice, at which sliding ends. From 1e-4 to 4e-3 nothing changes but by chance:
+/// less only takes longer.
 const SLIDE_TOLERANCE: f64 = 5e-4;
-/// Pieces in which the length of an edge is measured: with one, bends between two nodes are cut short.
+/// Pieces in which the length of an edge is measured: with one, bends between two nodes are cut short. With 1 or 9,
+/// spacing varies no more and no less than with 3.
 const EDGE_PIECES: usize = 3;
 
 /// Position of the k-th of `count` equally spaced values between `margin` and `1 − margin`.
@@ -70,9 +74,11 @@ fn upright(
     /// back: the mask of a T-shaped solid lies 0.44 mm from the model on average, not 0.38; with 0.1, 17 nodes
     /// of a spleen are repaired, not 14.
     const LEAST_SINE: f64 = 0.35;
-    /// What is kept of the sliding from one try to the next.
+    /// What is kept of the sliding from one try to the next. With 0.4 too much is taken back: masks of a cross and of a
+    /// T lie 7 % further from the model. With 0.9 a fifth of it is left after all tries, and nothing is better.
     const KEPT: f64 = 0.75;
-    /// Tries; a hundredth of the sliding is left after them.
+    /// Tries; a hundredth of the sliding is left after them. With 4 nothing changes but by chance, with 40 next to
+    /// nothing.
     const TRIES: usize = 16;
     let wanted = LEAST_SINE.min(0.9 * least_sine(patch, size, first));
     let (mut shares, mut kept) = (slid.clone(), 1.0);

@@ -10,8 +10,10 @@ use crate::numerics::topology::cube;
 use crate::pipeline::solid::depth::{Depth, SKIN_REACH};
 
 /// Steps of the refinement; each halves what is left, and half a voxel is the start: a thirtieth of a voxel is left.
+/// With 1, six of 75 organs and shapes fail that did not, and 52 nodes end short, not 16; with 8 nothing is better.
 const REFINE_STEPS: usize = 4;
-/// How far a voxel is moved in one step at most: half of one, which is how far its centre may be off.
+/// How far a voxel is moved in one step at most: half of one, which is how far its centre may be off. With 0.25 the
+/// overlap of a spleen is 0.88, not 0.91; with 1 nothing changes but by chance.
 const MAX_STEP: f64 = 0.5;
 /// Least rise of the difference of the two distances for each step along the normal, as a share of what it is between
 /// two opposite feet. At rims feet are seen under small angles: with less, points would leap.

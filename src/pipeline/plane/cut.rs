@@ -36,10 +36,12 @@ use crate::pipeline::surface::Surface;
 /// have 0.0006 at most, organs that are laid out well 0.008, and sheets that lie over themselves in
 /// the plane 0.04 and more.
 const MAX_RESIDUAL: f64 = 0.018;
-/// Points that each half of a curled sheet keeps at least: a vertebra of 103 points was worse in two.
+/// Points that each half of a curled sheet keeps at least: a vertebra of 103 points was worse in two. With 200, none of
+/// 75 organs and shapes changes.
 const MIN_HALF: usize = 100;
-/// Points of an arm that is cut off, and of a piece between strings, at least: those of a lattice of
-/// 3 × 3 nodes with something to fit each to.
+/// Points of an arm that is cut off, and of a piece between strings, at least: those of a lattice of 3 × 3 nodes with
+/// something to fit each to. With 20 nothing changes; with 80 a spleen keeps its arm: its overlap is 0.88, not 0.91,
+/// and four of its nodes end short.
 const MIN_ARM: usize = 40;
 /// How far an arm juts out at least, as a share of the sheet's length. The notch of a spleen is
 /// 25 % deep; the rims of organs without one have bays of 11 % at most.
@@ -51,10 +53,12 @@ const ARM_POINTS: f64 = 0.05;
 const LINK: f64 = 2.5;
 /// Steps along the surface around a point that tell a sheet from a string.
 const STRING_STEPS: usize = 2;
-/// Points within these steps around a point of a sheet: 25 inside, 15 at a rim, 9 in a corner; on a
-/// string of single voxels there are 5.
+/// Points within these steps around a point of a sheet: 25 inside, 15 at a rim, 9 in a corner; on a string of single
+/// voxels there are 5. From 6 to 15, one of 75 organs and shapes changes, a liver, by 0.01 in overlap.
 const STRING_POINTS: usize = 10;
-/// Where along the axes of the plane a sheet may be cut, as shares of its points.
+/// Where along the axes of the plane a sheet may be cut, as shares of its points. Each costs two planes on either axis.
+/// At 0.5 alone, a part of a liver, the one of 75 organs and shapes that is cut so, is turned over on 5 % of its area;
+/// with 0.1 and 0.9 for 0.4 and 0.6, its overlap is 0.88, not 0.86, but 22 of its corners fold, not 9.
 const PLACES: [f64; 5] = [0.3, 0.4, 0.5, 0.6, 0.7];
 
 /// Sheets with the planes they were laid in.

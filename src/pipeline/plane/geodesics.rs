@@ -8,7 +8,7 @@ use crate::numerics::graph::Graph;
 use crate::params::Landmarks;
 
 /// Landmarks of the automatic choice: twice as many take twice the time and change an embedding by less than 0.2 % of
-/// its extent.
+/// its extent. With half as many, models change by chance only.
 const AUTO_LANDMARKS: usize = 48;
 
 /// Geodesic distances from some sources to all points.

@@ -18,20 +18,23 @@ use crate::numerics::raster::Raster;
 use crate::numerics::smooth::gaussian;
 use crate::space::Grid;
 
-/// Pixel of the region's raster, voxels.
+/// Pixel of the region's raster, voxels. With 1, masks of 75 organs and shapes lie 6 % further from the model on
+/// average, and nearly twice as many corners are folded before repair; with 0.25 they lie 1 % nearer, for four times
+/// the pixels.
 pub(crate) const PITCH: f64 = 0.5;
-/// Gaps between points up to twice this are part of the sheet, voxels. Neighbours on a staircase
-/// lie up to 1.8 apart.
+/// Gaps between points up to twice this are part of the sheet, voxels. Neighbours on a staircase lie up to 1.8 apart.
+/// From 0.9 to 3 nothing changes but by chance.
 const CLOSING: f64 = 1.5;
 /// How far the sheet goes on beyond its outermost points on average, voxels: its true rim lies
 /// anywhere between them and the next voxel. With none, medial nodes of a hippocampus and a gluteus lie half as far
 /// again from the middle; with 1, a caudate has 8 folded corners before repair, not 4, and a spleen 10, not 6.
 const OVERHANG: f64 = 0.5;
-/// Standard deviation of the outline's smoothing, voxels: the rim of a voxel sheet is jagged by
-/// half a voxel.
+/// Standard deviation of the outline's smoothing, voxels: the rim of a voxel sheet is jagged by half a voxel. With 2,
+/// tails are smoothed away: the mask of a hippocampus lies three times as far from the model. With 0.5 nothing changes
+/// but by chance.
 const OUTLINE_SIGMA: f64 = 1.0;
-/// Share of a sheet's area from which its holes are not filled but refused: every seventh node would lie
-/// on nothing.
+/// Share of a sheet's area from which its holes are not filled but refused: every seventh node would lie on nothing.
+/// With 0.05 two thalami are refused, which pass; with 0.5 five bones and organs more are laid out, of which four fail.
 pub(crate) const HOLES_REFUSED: f64 = 0.15;
 /// Free pixels around the points.
 const PADDING: usize = 12;

@@ -17,42 +17,56 @@ use crate::numerics::stats::median;
 use crate::pipeline::sides::SheetSides;
 use crate::pipeline::solid::depth::Depth;
 
-/// Radius in the plane of the part of the sheet that tells whether it is a strip, voxels.
+/// Radius in the plane of the part of the sheet that tells whether it is a strip, voxels. What is said of the constants
+/// of strips was tried on 75 organs and shapes with 6 × 8 nodes. A change of almost anything by a twentieth moves the
+/// overlap of six or eight with their masks by 0.005 or more, up or down: that is called noise. With 1.5 every part is
+/// narrow: 14 fail that did not, 11 of them turned over. With 6, a third of a vena cava's surface is left uncovered.
 const REACH: f64 = 3.0;
-/// How much further apart points of that part may lie in space than in the plane before they are
-/// of another part.
+/// How much further apart points of that part may lie in space than in the plane before they are of another part. With
+/// 1 there is only noise; with 4, or without it, a bladder is taken for a tube, and with 12 × 20 nodes a hip bone
+/// folds.
 const STRETCH: f64 = 2.0;
-/// Points that such a part needs.
+/// Points that such a part needs: fewer span no plane. With 8 there is only noise; with 16 thin tails have no strips:
+/// the planes of a duodenum, a bladder, and a pancreas are turned over.
 const MIN_POINTS: usize = 3;
-/// Standard deviation across, voxels, below which a part is a strip for certain, and above which it
-/// is none. Half a disc, as at the rim of a wide sheet, has 0.26 of its radius: 0.8.
+/// Standard deviation across, voxels, below which a part is a strip for certain, and above which it is none. Half a
+/// disc, as at the rim of a wide sheet, has 0.26 of its radius: 0.8. With half of both, the overlap of a duodenum is
+/// 0.48, not 0.78; with twice of both, rims are strips: 13 of 75 fail that did not, 11 of them turned over.
 const NARROW: [f64; 2] = [0.7, 1.0];
-/// Width in the plane over that in space below which the strip was laid on a line for certain, and
-/// above which it was not.
+/// Width in the plane over that in space below which the strip was laid on a line for certain, and above which it was
+/// not. With 0, when nothing is unfolded, the planes of a back muscle, a duodenum, a bladder, and a pancreas are turned
+/// over on 3 to 5 % of their area; from half to twice of both there is only noise.
 const FLATTENED: [f64; 2] = [0.55, 0.8];
-/// Standard deviation across in space, voxels, up to which a part is a strip for certain, and from
-/// which it is none: strips of 5 and 7 voxels. Wider parts that lie narrow in the plane are bent
-/// out of it.
+/// Standard deviation across in space, voxels, up to which a part is a strip for certain, and from which it is none:
+/// strips of 5 and 7 voxels. Wider parts that lie narrow in the plane are bent out of it. With half of both, 3 % of a
+/// bladder's plane are turned over, not 1 %; with more, or without it, there is only noise.
 const WIDE: [f64; 2] = [1.5, 2.0];
-/// Spread along the normal over that across up to which a part is one sheet for certain, and from
-/// which it is parts of the sheet one above the other.
+/// Spread along the normal over that across up to which a part is one sheet for certain, and from which it is parts of
+/// the sheet one above the other. With half of both a bladder is taken for a tube; with more, or without it, there is
+/// only noise.
 const THICK: [f64; 2] = [0.5, 0.8];
-/// Length in space over that in the plane, or the other way round, up to which the plane keeps
-/// lengths along the strip, and from which it does not.
+/// Length in space over that in the plane, or the other way round, up to which the plane keeps lengths along the strip,
+/// and from which it does not. With 1.1 and 1.25, 3 % of a bladder's plane are turned over, not 1 %; with 3 and 4, or
+/// without it, the spacing of two thalami varies by 0.11 and 0.10, not by 0.09 and 0.08.
 const UNEVEN: [f64; 2] = [1.5, 2.0];
-/// Standard deviation across, voxels, below which a strip is widened: two rows of voxels have 0.5.
+/// Standard deviation across, voxels, below which a strip is widened: two rows of voxels have 0.5. With 0, when none
+/// is, the overlap of a vena cava is 0.82, not 0.85, and with 12 × 20 nodes 14 of 76 masks lie more than 5 % further
+/// from the model, 3 nearer; noise alone makes it 8 and 2 at most. With 1.2, 17 of 75 lie nearer by as much, and 6
+/// further.
 const THIN: f64 = 0.6;
-/// How far across from a strip's points the added ones lie, voxels; the rim is walked to from there.
-/// With more at 2 voxels, surfaces of a thalamus came to lie 1.1 voxels off instead of 0.3.
+/// How far across from a strip's points the added ones lie, voxels; the rim is walked to from there. With more at 2
+/// voxels, surfaces of a thalamus came to lie 1.1 voxels off instead of 0.3; at 0.5 there is only noise.
 const ASIDE: [f64; 2] = [1.0, -1.0];
-/// Depth of an added point at the least, as a share of the radius of the point it belongs to.
+/// Depth of an added point at the least, as a share of the radius of the point it belongs to. With 0, or without it,
+/// five of 75 organs and shapes change, their overlap by 0.003 at most; with 1 there is only noise.
 const LEAST_DEPTH: f64 = 0.5;
-/// Radius of a point that is widened at the least, as a share of the sheet's median: thinner strips
-/// are filaments that run into an edge of the boundary. With none, a caudate has 6 folded corners before repair, not 4; 0.7
-/// does ten organs and shapes no harm.
+/// Radius of a point that is widened at the least, as a share of the sheet's median: thinner strips are filaments that
+/// run into an edge of the boundary. With none, one of 75 organs and shapes changes, a caudate: 6 corners are folded
+/// before repair, not 4. With 0.7 or 1 there is only noise.
 const LEAST_RADIUS: f64 = 0.25;
-/// Smallest share of the spread across that the spread along the normal may take for the points
-/// themselves to tell the normal.
+/// Smallest share of the spread across that the spread along the normal may take for the points themselves to tell the
+/// normal. With 0.01 they never do: the overlap of a hippocampus is 0.72, not 0.77, and 10 of its nodes are cut short;
+/// from 0.15 to 0.6 there is only noise.
 const FLATNESS: f64 = 0.3;
 
 /// Points of a sheet in its plane and in space. Lengths are voxels.

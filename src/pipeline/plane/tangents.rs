@@ -25,13 +25,17 @@ use crate::numerics::spanning::along_strongest;
 use crate::pipeline::plane::graph::Around;
 use crate::pipeline::surface::Surface;
 
-/// Radius of a neighbourhood, voxels. Smaller ones show the noise of the points, larger ones bend, and look past
-/// parts that are turned over.
+/// Radius of a neighbourhood, voxels. Smaller ones show the noise of the points, larger ones bend, and look past parts
+/// that are turned over. With 2, 4 % of a back muscle count as turned over and 8 % of a bladder, which are good with 3;
+/// with 6, 4 % of a hip bone.
 const REACH: f64 = 3.0;
-/// Variance across, square voxels, below which a neighbourhood is a string: one row of voxels has next to
-/// none, two rows have 0.25.
+/// Variance across, square voxels, below which a neighbourhood is a string: one row of voxels has next to none, two
+/// rows have 0.25. With 0.05, strings are judged: 3 % of a hippocampus count as turned over, not 1 %; with 0.4 too
+/// little is left: 5 % of a liver, not 2 %.
 const STRING: f64 = 0.15;
-/// Variance along the normal over that across, above which a neighbourhood is a lump.
+/// Variance along the normal over that across, above which a neighbourhood is a lump. With more than 1, lumps are
+/// judged: 3 % of a bladder count as turned over, not 1 %. With 0.2 places where sheets fold are not: 3 % of a
+/// vertebra, not 10 %.
 const LUMP: f64 = 0.5;
 /// Second spread over the first up to which a plane is a line.
 const LINE_SHARE: f64 = 1e-6;

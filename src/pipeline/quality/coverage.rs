@@ -14,8 +14,9 @@ use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::depth::SkinPoint;
 use crate::pipeline::vectors::Nodes;
 
-/// Share of the radius that cells of a coarse lattice may be off: a finer mask of the same object is not
-/// to turn a result that is as good into a worse one.
+/// Share of the radius that cells of a coarse lattice may be off: a finer mask of the same object is not to turn a
+/// result that is as good into a worse one. With 0.05, 0.62 of a thalamus is covered, not 0.73; with 0.2, 0.85 of a
+/// thick bend, not 0.50, and that its ends are not is no longer said.
 const GRAIN: f64 = 0.1;
 
 /// Coverage of the whole mask by all figures, and of each figure's share of it by that figure. Of a single figure both

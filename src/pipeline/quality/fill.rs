@@ -10,7 +10,7 @@ use crate::model::Shell;
 use crate::numerics::field::floor_index;
 use crate::space::Grid;
 
-/// Tetrahedra between two looks at whether to stop.
+/// Tetrahedra between two looks at whether to stop. From 64 to a million it takes the same time.
 const CUTS: usize = 1 << 10;
 
 /// The voxels whose centres lie in the cells and wedges of a figure.
@@ -18,7 +18,7 @@ const CUTS: usize = 1 << 10;
 /// # Errors
 /// When it is cancelled.
 pub fn filled(dims: [usize; 3], shell: Shell<'_>, cancel: &dyn Cancel) -> Result<Grid<bool>, Cancelled> {
-    /// Planes of the grid that one thread takes at a time.
+    /// Planes of the grid that one thread takes at a time. From 1 to 64 it takes the same time.
     const PLANES: usize = 4;
     let mut cuts = Vec::new();
     for tetrahedra in tetrahedra(shell).chunks(CUTS) {
@@ -100,7 +100,8 @@ impl Cut {
 
     /// The voxels of a row that lie in it.
     fn along_row(&self, j: usize, k: usize, end: usize) -> Range<usize> {
-        /// Points this much outside count as inside, so that no voxel falls between two cells.
+        /// Points this much outside count as inside, so that no voxel falls between two cells. With none, voxels of a
+        /// cross do; with 1e-4, 55 of 75 organs and shapes get voxels that are not theirs, up to 0.001 of the overlap.
         const SEAM: f64 = 1e-9;
         let (mut low, mut high) = (self.low.x.max(0.0), self.high.x.min(end as f64 - 1.0));
         for (constant, slope) in &self.coordinates {

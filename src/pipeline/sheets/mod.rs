@@ -50,8 +50,8 @@ use crate::pipeline::medial::MedialSurface;
 use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::depth::Depth;
 
-/// Medial points that the main sheet needs: fewer are less than a lattice of 3 × 3 nodes with
-/// something to fit each to.
+/// Medial points that the main sheet needs: fewer are less than a lattice of 3 × 3 nodes with something to fit each to.
+/// With 160, ten of 75 organs and shapes are refused; with 20, three small ones more are laid out, two of which fail.
 pub(crate) const MIN_SHEET_POINTS: usize = 40;
 
 /// No sheet.

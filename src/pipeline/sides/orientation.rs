@@ -19,8 +19,8 @@ const CONFLICT_COSINE: f64 = -0.5;
 /// Disagreeing links below which they are noise: a strip of a Möbius band has one across its
 /// whole width.
 const MIN_CONFLICTS: usize = 10;
-/// How often normals are smoothed over touching points: enough to take the grid out of them, few enough to leave a
-/// bend of a few voxels.
+/// How often normals are smoothed over touching points: enough to take the grid out of them, few enough to leave a bend
+/// of a few voxels. With none or 6, nothing changes but by chance.
 const SMOOTHINGS: usize = 2;
 
 /// Whether a sheet (ascending medial points) has two sides.

@@ -14,11 +14,13 @@ use crate::cancel::{Cancel, Cancelled};
 use crate::pipeline::context::Context;
 use crate::pipeline::solid::Solid;
 
-/// How far along the surface a skin point speaks for it, voxels: half the way to the next one
-/// across a voxel's diagonal.
+/// How far along the surface a skin point speaks for it, voxels: half the way to the next one across a voxel's
+/// diagonal. With half or twice of it, a psoas, a duodenum, and a bladder fail that did not, and 17 or 12 of 75 masks
+/// lie more than 5 % further from the model, 2 or 5 nearer.
 pub(in crate::pipeline) const SKIN_REACH: f64 = 0.7;
-/// Newton steps that bring a boundary voxel's centre onto the boundary. The level is nearly
-/// linear there: the second step moves by less than 0.02 voxel.
+/// Newton steps that bring a boundary voxel's centre onto the boundary. The level is nearly linear there: the second
+/// step moves by less than 0.02 voxel. With 1, 51 of 75 masks lie more than 5 % further from the model, and seven fail
+/// that did not; with 6 nothing changes but by chance.
 const NEWTON_STEPS: usize = 3;
 
 /// Length of one such step at most, voxels: half the diagonal of a voxel's face. Where the level is flat, in the

@@ -65,6 +65,8 @@ fn crest_point(level: &Field, node: &Node, ahead: &Ahead) -> Point3<f64> {
         let direction = way.try_normalize(1e-9).unwrap_or_else(Vector3::x);
         return node.position + direction * level.first_zero(node.position, direction, way.norm()).unwrap_or(0.0);
     }
+    // With 1 radius for 4, crests of flat ends stay at the rim: the overlap of a psoas is 0.83, not 0.87. More changes
+    // four of 75 organs and shapes, by 0.005 in overlap at most; without the voxels added it is seven, by 0.008.
     let reach = 4.0 * node.value.max(1.0) + 4.0;
     ahead.rim + ahead.outward * level.first_zero(ahead.rim, ahead.outward, reach).unwrap_or(0.0)
 }

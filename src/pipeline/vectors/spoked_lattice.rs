@@ -37,7 +37,9 @@ pub trait Surroundings {
     }
 }
 
-/// How far from a node the boundary is looked for, voxels.
+/// How far from a node the boundary is looked for, voxels. With half of the radii 25 nodes of 75 organs and shapes end
+/// short, not 16, with 1 voxel for 4, 22; with twice of the one or four times the other two change, of which a kidney
+/// has two wedges turned over.
 #[must_use]
 pub fn reach(node: &Node) -> f64 {
     3.0 * node.value.max(1.0) + 4.0
