@@ -179,7 +179,7 @@ fn check_edges(points: usize, neighbors: f64) -> Result<(), EmbeddingError> {
 struct Sheet<'a> {
     surface: &'a Surface,
     lists: Vec<Edges>,
-    tangents: Tangents,
+    tangents: Tangents<'a>,
 }
 
 impl<'a> Sheet<'a> {

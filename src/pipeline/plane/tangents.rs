@@ -18,9 +18,8 @@ use std::f64::consts::PI;
 use nalgebra::{Matrix2, Matrix3, Point2, Point3, SymmetricEigen, Vector2, Vector3};
 
 use crate::cancel::{Cancel, Cancelled};
-use crate::numerics::field::id;
 use crate::numerics::moments::Axes3;
-use crate::numerics::parallel::{POINTS_PER_TASK, each_number, each_number_within};
+use crate::numerics::parallel::{POINTS_PER_TASK, each_number_within};
 use crate::numerics::spanning::along_strongest;
 use crate::pipeline::plane::graph::Around;
 use crate::pipeline::surface::Surface;
@@ -53,56 +52,59 @@ pub struct PlaneDistortion {
 
 /// The oriented tangent planes of a sheet's points.
 #[derive(Clone, Debug)]
-pub struct Tangents {
-    planes: Vec<Tangent>,
+pub struct Tangents<'a> {
+    positions: &'a [Point3<f64>],
+    /// Of every point.
+    tangents: Vec<Tangent>,
 }
 
-/// A point with its tangent plane.
+/// The spread of the points around one: its tangent plane, where they span one.
 #[derive(Clone, Debug)]
 struct Tangent {
-    point: u32,
-    /// Points around it, with the share of each in the derivatives along two tangent directions, right-handed about
-    /// the oriented normal.
-    around: Vec<(u32, Vector2<f64>)>,
-}
-
-/// The spread of the points around one.
-struct Spread {
-    /// Unit directions along, across, and normal.
+    /// Points around it, ascending.
+    near: Vec<u32>,
+    /// Unit directions along, across, and normal; once turned, the first two are right-handed about the oriented normal.
     axes: [Vector3<f64>; 3],
     /// Sums of squares along them.
     squares: [f64; 3],
+    /// Whether there is a plane.
     is_plane: bool,
 }
 
-impl Tangents {
+impl<'a> Tangents<'a> {
     /// Of a sheet. A neighbourhood is what lies within `REACH` along it, whatever the graph is that it is laid flat
     /// by: planes of different graphs are judged alike.
     ///
     /// # Errors
     /// When it is cancelled.
-    pub fn of(surface: &Surface, cancel: &dyn Cancel) -> Result<Self, Cancelled> {
-        let count = surface.positions.len();
-        let near = |around: &mut Around, a: usize| points_near(surface, around, a);
-        let lists = each_number_within(count, POINTS_PER_TASK, || Around::new(count), near, cancel)?;
-        let spreads =
-            each_number(count, POINTS_PER_TASK, |a| Spread::around(&surface.positions, a, &lists[a]), cancel)?;
-        let turned = turned(surface, &spreads, cancel)?;
-        let tangent = |a: usize| Tangent::of(&surface.positions, a, &lists[a], &spreads[a], turned[a]);
-        let planes = each_number(count, POINTS_PER_TASK, tangent, cancel)?;
-        Ok(Self { planes: planes.into_iter().flatten().collect() })
+    pub fn of(surface: &'a Surface, cancel: &dyn Cancel) -> Result<Self, Cancelled> {
+        let positions = surface.positions.as_slice();
+        let count = positions.len();
+        let tangent = |around: &mut Around, a: usize| Tangent::of(positions, a, points_near(surface, around, a));
+        let mut tangents = each_number_within(count, POINTS_PER_TASK, || Around::new(count), tangent, cancel)?;
+        let turned = turned(surface, &tangents, cancel)?;
+        for (tangent, is_turned) in tangents.iter_mut().zip(turned) {
+            tangent.turn(is_turned);
+        }
+        Ok(Self { positions, tangents })
+    }
+
+    /// The linear maps from the tangent planes to the places of points, of those that have one.
+    fn maps(&self, places: &[Point2<f64>]) -> impl Iterator<Item = Matrix2<f64>> {
+        let planes = self.tangents.iter().enumerate().filter(|(_, tangent)| tangent.is_plane);
+        planes.map(|(a, tangent)| tangent.map(self.positions, a, places))
     }
 
     /// The linear map after which lengths in a plane are those on the sheet, as nearly as a linear map can make
     /// them: with the maps J of all points, the mean of A J Jᵀ Aᵀ is 1. `None` where the plane is a line.
     #[must_use]
     pub fn scale(&self, places: &[Point2<f64>]) -> Option<Matrix2<f64>> {
-        let mut sum = Matrix2::zeros();
-        for plane in &self.planes {
-            let map = plane.map(places);
+        let (mut sum, mut planes) = (Matrix2::zeros(), 0usize);
+        for map in self.maps(places) {
             sum += map * map.transpose();
+            planes += 1;
         }
-        let eigen = SymmetricEigen::new(sum / self.planes.len().max(1) as f64);
+        let eigen = SymmetricEigen::new(sum / planes.max(1) as f64);
         let (low, high) = (eigen.eigenvalues.min(), eigen.eigenvalues.max());
         // Not so for NaN either.
         let is_plane = low > LINE_SHARE * high;
@@ -116,15 +118,14 @@ impl Tangents {
     /// How a plane, of the places of all points, distorts the sheet; `None` where nothing can be judged.
     #[must_use]
     pub fn distortion(&self, places: &[Point2<f64>]) -> Option<PlaneDistortion> {
-        let judged = self.planes.len();
-        if judged == 0 {
-            return None;
-        }
-        let (mut turned, mut angles) = (0, 0.0f64);
-        for plane in &self.planes {
-            let map = plane.map(places);
+        let (mut judged, mut turned, mut angles) = (0, 0, 0.0f64);
+        for map in self.maps(places) {
+            judged += 1;
             turned += usize::from(map.determinant() < 0.0);
             angles += angle_error(&map);
+        }
+        if judged == 0 {
+            return None;
         }
         // The side of the majority is the right one.
         let turned = turned.min(judged - turned);
@@ -151,64 +152,56 @@ fn angle_error(map: &Matrix2<f64>) -> f64 {
     2.0 * 3.0f64.sqrt() / PI * share.asin()
 }
 
-impl Spread {
-    fn around(positions: &[Point3<f64>], a: usize, near: &[u32]) -> Self {
-        let (mut spread, mut count) = (Matrix3::zeros(), 0usize);
-        for &b in near {
+impl Tangent {
+    fn of(positions: &[Point3<f64>], a: usize, near: Vec<u32>) -> Self {
+        let mut spread = Matrix3::zeros();
+        for &b in &near {
             let d = positions[b as usize] - positions[a];
             spread += d * d.transpose();
-            count += 1;
         }
         let Axes3 { directions: axes, values: squares } = Axes3::of(spread);
-        let is_plane = squares[1] > STRING * count.max(1) as f64 && squares[2] < LUMP * squares[1];
-        Self { axes, squares, is_plane }
+        let is_plane = squares[1] > STRING * near.len().max(1) as f64 && squares[2] < LUMP * squares[1];
+        Self { near, axes, squares, is_plane }
     }
-}
 
-impl Tangent {
-    /// `None` where there is no plane.
-    fn of(positions: &[Point3<f64>], a: usize, near: &[u32], spread: &Spread, is_turned: bool) -> Option<Self> {
-        if !spread.is_plane {
-            return None;
-        }
-        let [along, across, normal] = spread.axes;
+    /// Makes the directions in the plane right-handed about the normal, or about its opposite where it is turned.
+    fn turn(&mut self, is_turned: bool) {
+        let [along, across, normal] = self.axes;
         let is_left_handed = along.cross(&across).dot(&normal) < 0.0;
-        let across = if is_left_handed == is_turned { across } else { -across };
-        let mut around = Vec::with_capacity(near.len());
-        for &b in near {
-            let d = positions[b as usize] - positions[a];
-            around.push((b, Vector2::new(along.dot(&d) / spread.squares[0], across.dot(&d) / spread.squares[1])));
+        if is_left_handed != is_turned {
+            self.axes[1] = -across;
         }
-        Some(Self { point: id(a), around })
     }
 
-    /// The linear map from the tangent plane to the places of points.
-    fn map(&self, places: &[Point2<f64>]) -> Matrix2<f64> {
-        let centre = places[self.point as usize];
+    /// The linear map from the tangent plane of point `a` to the places of points.
+    fn map(&self, positions: &[Point3<f64>], a: usize, places: &[Point2<f64>]) -> Matrix2<f64> {
+        let ([along, across, _], [length, width, _]) = (self.axes, self.squares);
         let mut map = Matrix2::zeros();
-        for &(b, share) in &self.around {
-            map += (places[b as usize] - centre) * share.transpose();
+        for &b in &self.near {
+            let d = positions[b as usize] - positions[a];
+            let share = Vector2::new(along.dot(&d) / length, across.dot(&d) / width);
+            map += (places[b as usize] - places[a]) * share.transpose();
         }
         map
     }
 }
 
 /// Whose normals must be turned for all to agree along the sheet.
-fn turned(surface: &Surface, spreads: &[Spread], cancel: &dyn Cancel) -> Result<Vec<bool>, Cancelled> {
-    let mut turned = vec![false; spreads.len()];
+fn turned(surface: &Surface, tangents: &[Tangent], cancel: &dyn Cancel) -> Result<Vec<bool>, Cancelled> {
+    let mut turned = vec![false; tangents.len()];
     let tell = |to: usize, from: usize| {
-        let agree = spreads[to].axes[2].dot(&spreads[from].axes[2]) >= 0.0;
+        let agree = tangents[to].axes[2].dot(&tangents[from].axes[2]) >= 0.0;
         // A first point is its own neighbour: it is not turned.
         turned[to] = turned[from] == agree;
     };
-    let parallel = |a: usize, b: usize| parallel(&spreads[a], &spreads[b]);
+    let parallel = |a: usize, b: usize| parallel(&tangents[a], &tangents[b]);
     along_strongest(&surface.adjacency, parallel, tell, cancel)?;
     Ok(turned)
 }
 
 /// How surely two points' normals tell each other's sense: more where they are more parallel, least where one has
 /// no tangent plane.
-fn parallel(a: &Spread, b: &Spread) -> f64 {
+fn parallel(a: &Tangent, b: &Tangent) -> f64 {
     let both = f64::from(u8::from(a.is_plane && b.is_plane));
     both + a.axes[2].dot(&b.axes[2]).abs()
 }
@@ -217,6 +210,7 @@ fn parallel(a: &Spread, b: &Spread) -> f64 {
 mod tests {
     use super::*;
     use crate::cancel::Never;
+    use crate::numerics::field::id;
 
     /// A grid of points bent over a cylinder, each touching the eight around it.
     fn bent(rows: usize, cols: usize, radius: f64) -> (Surface, Vec<Point2<f64>>) {
@@ -234,14 +228,14 @@ mod tests {
         flat.iter().map(to).collect()
     }
 
-    fn tangents() -> (Tangents, Vec<Point2<f64>>) {
-        let (surface, flat) = bent(15, 40, 12.0);
-        (Tangents::of(&surface, &Never).expect("not stopped"), flat)
+    fn tangents_of(surface: &Surface) -> Tangents<'_> {
+        Tangents::of(surface, &Never).expect("not stopped")
     }
 
     #[test]
     fn a_true_plane_is_called_true() {
-        let (tangents, flat) = tangents();
+        let (surface, flat) = bent(15, 40, 12.0);
+        let tangents = tangents_of(&surface);
         let found = tangents.distortion(&flat).expect("judged");
         assert_eq!((found.judged, found.turned_over), (flat.len(), 0.0));
         assert!(found.angle_error_deg < 0.4, "{found:?}");
@@ -251,7 +245,8 @@ mod tests {
 
     #[test]
     fn a_stretch_by_two_changes_angles_by_21_degrees_and_is_undone() {
-        let (tangents, flat) = tangents();
+        let (surface, flat) = bent(15, 40, 12.0);
+        let tangents = tangents_of(&surface);
         let found = tangents.distortion(&moved(&flat, |p| Point2::new(2.0 * p.x, p.y))).expect("judged");
         let expected = (2.0 * 3.0f64.sqrt() / PI * (1.0f64 / 3.0).asin()).to_degrees();
         assert!((found.angle_error_deg - expected).abs() < 0.4 && found.turned_over == 0.0, "{found:?}");
@@ -274,7 +269,8 @@ mod tests {
 
     #[test]
     fn what_is_folded_over_is_told_by_its_share() {
-        let (tangents, flat) = tangents();
+        let (surface, flat) = bent(15, 40, 12.0);
+        let tangents = tangents_of(&surface);
         // Ten of forty columns lie over others.
         let folded = tangents.distortion(&moved(&flat, |p| Point2::new((p.x - 9.5).abs(), p.y))).expect("judged");
         assert!((folded.turned_over - 0.25).abs() < 0.01, "{folded:?}");
@@ -285,11 +281,11 @@ mod tests {
     #[test]
     fn strings_and_lines_are_decided() {
         let (surface, _) = bent(1, 30, 1e6);
-        let string = Tangents::of(&surface, &Never).expect("not stopped");
-        assert!(string.planes.is_empty());
+        let string = tangents_of(&surface);
         assert_eq!(string.distortion(&[]), None);
         assert_eq!(string.scale(&[]), None);
-        let (tangents, flat) = tangents();
+        let (surface, flat) = bent(15, 40, 12.0);
+        let tangents = tangents_of(&surface);
         assert_eq!(tangents.scale(&moved(&flat, |p| Point2::new(p.x, p.x))), None);
         assert_eq!(tangents.scale(&moved(&flat, |_| Point2::new(f64::NAN, f64::NAN))), None);
         let line = tangents.distortion(&moved(&flat, |p| Point2::new(p.x, 0.0))).expect("judged");
