@@ -31,7 +31,7 @@ fn main() {
     }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
     let names: Vec<&str> = Stage::ALL.iter().map(|stage| stage.name()).collect();
-    println!("| voxels of the box | {} | whole |", names.join(" | "));
+    println!("| voxels of the volume | {} | whole |", names.join(" | "));
     println!("|{}", "---|".repeat(names.len() + 2));
     for spacing_mm in SPACINGS_MM {
         println!("{}", pool.install(|| row(spacing_mm)));
