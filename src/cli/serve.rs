@@ -339,3 +339,22 @@ fn start_log(format: LogFormat) {
         tracing::error!(place, "panic");
     }));
 }
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Parser)]
+    struct Command {
+        #[command(flatten)]
+        serve: ServeArgs,
+    }
+
+    #[test]
+    fn what_is_not_set_is_as_the_configuration_has_it() {
+        let Command { serve } = Command::try_parse_from(["medialrep"]).unwrap();
+        assert_eq!(serve.config().unwrap(), ServeConfig::default());
+    }
+}

@@ -77,6 +77,7 @@ mod tests {
             n * n
         };
         assert_eq!(each_number_within(5000, 256, Vec::new, with_room, &Never), Ok(squares));
+        assert_eq!(each_number_within(0, 1, Vec::new, with_room, &Stopped), Ok(Vec::new()));
         assert_eq!(each_number_within(1, 1, Vec::new, with_room, &Stopped), Err(Cancelled));
     }
 }

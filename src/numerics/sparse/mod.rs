@@ -13,4 +13,4 @@ mod smallest;
 
 pub use matrix::Sparse;
 pub use rows::{Memberships, RowSums};
-pub use smallest::{EigenError, Smallest, smallest};
+pub use smallest::{EigenError, smallest};

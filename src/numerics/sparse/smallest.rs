@@ -43,16 +43,6 @@ const APART: f64 = 1e4;
 /// Part of a vector that must be new to the basis; less is rounding.
 const NEW_SHARE: f64 = 1e-10;
 
-/// Smallest eigenpairs.
-#[derive(Clone, Debug)]
-pub struct Smallest {
-    /// Eigenvalues, ascending.
-    #[cfg_attr(not(test), expect(dead_code, reason = "tests hold the vectors to them; no plane needs them"))]
-    pub values: Vec<f64>,
-    /// Their unit eigenvectors, column by column.
-    pub vectors: DMatrix<f64>,
-}
-
 /// Why there are no eigenpairs.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum EigenError {
@@ -97,7 +87,7 @@ pub fn smallest(
     count: usize,
     known: Option<&DVector<f64>>,
     cancel: &dyn Cancel,
-) -> Result<Smallest, EigenError> {
+) -> Result<DMatrix<f64>, EigenError> {
     let needed = count + usize::from(known.is_some());
     if matrix.len() < needed.max(1) {
         return Err(EigenError::TooFewRows { rows: matrix.len(), needed: needed.max(1) });
@@ -105,14 +95,10 @@ pub fn smallest(
     if !matrix.is_finite() {
         return Err(EigenError::NotFinite);
     }
-    let vectors = if matrix.len() <= WHOLE_SPECTRUM_LIMIT {
-        whole(matrix, count, known)?
-    } else {
-        iterate(&factored(matrix, places, cancel)?, (matrix.len(), count), known, cancel)?
-    };
-    let image = matrix.product(&vectors, cancel)?;
-    let values = (0..count).map(|k| vectors.column(k).dot(&image.column(k))).collect();
-    Ok(Smallest { values, vectors })
+    if matrix.len() <= WHOLE_SPECTRUM_LIMIT {
+        return whole(matrix, count, known);
+    }
+    iterate(&factored(matrix, places, cancel)?, (matrix.len(), count), known, cancel)
 }
 
 fn whole(matrix: &Sparse, count: usize, known: Option<&DVector<f64>>) -> Result<DMatrix<f64>, EigenError> {
@@ -354,17 +340,24 @@ mod tests {
         all
     }
 
+    /// Eigenvalues of unit eigenvectors, and the largest ‖A v − λ v‖, as a share of a bound of the largest eigenvalue.
+    fn values_of(matrix: &Sparse, vectors: &DMatrix<f64>) -> (Vec<f64>, f64) {
+        let image = matrix.product(vectors);
+        let values: Vec<f64> = (0..vectors.ncols()).map(|k| vectors.column(k).dot(&image.column(k))).collect();
+        let left = |k: usize| (image.column(k) - vectors.column(k) * values[k]).norm();
+        let most = (0..values.len()).map(left).fold(0.0, f64::max);
+        (values.clone(), most / matrix.bound().max(f64::MIN_POSITIVE))
+    }
+
     fn check(matrix: &Sparse, places: &[Point3<f64>], known: Option<&DVector<f64>>, expected: &[f64]) {
         let found = smallest(matrix, places, expected.len(), known, &Never).expect("settles");
-        for (value, expected) in found.values.iter().zip(expected) {
-            assert!((value - expected).abs() < 1e-9 * matrix.bound(), "{:?}", found.values);
+        let (values, left) = values_of(matrix, &found);
+        for (value, expected) in values.iter().zip(expected) {
+            assert!((value - expected).abs() < 1e-9 * matrix.bound(), "{values:?}");
         }
-        let image = matrix.product(&found.vectors, &Never).expect("is not stopped");
-        for (k, value) in found.values.iter().enumerate() {
-            assert!((image.column(k) - found.vectors.column(k) * *value).norm() < 1e-7 * matrix.bound());
-        }
+        assert!(left < 1e-7, "{left:.1e}");
         let right = DMatrix::identity(expected.len(), expected.len());
-        assert!((found.vectors.tr_mul(&found.vectors) - right).norm() < 1e-9);
+        assert!((found.tr_mul(&found) - right).norm() < 1e-9);
     }
 
     #[test]
@@ -384,7 +377,7 @@ mod tests {
         let found = smallest(&matrix, &places, 3, None, &Never).expect("settles");
         for k in 0..3 {
             let wave = DVector::from_fn(size, |n, _| (PI * k as f64 * (n as f64 + 0.5) / size as f64).cos());
-            assert!((found.vectors.column(k).dot(&wave.normalize()).abs() - 1.0).abs() < 1e-9);
+            assert!((found.column(k).dot(&wave.normalize()).abs() - 1.0).abs() < 1e-9);
         }
     }
 
@@ -397,7 +390,7 @@ mod tests {
         let row = |r: usize| (0..600).filter(|&c| square[(r, c)] != 0.0).map(|c| (id(c), square[(r, c)])).collect();
         let matrix = Sparse::from_rows((0..600).map(row).collect());
         let found = smallest(&matrix, &places, 4, None, &Never).expect("settles");
-        for (value, root) in found.values.iter().zip(planted(1, 600)).skip(1) {
+        for (value, root) in values_of(&matrix, &found).0.iter().zip(planted(1, 600)).skip(1) {
             assert!((value / (root * root) - 1.0).abs() < 1e-4, "{value:e} for {:e}", root * root);
         }
     }
@@ -442,10 +435,10 @@ mod tests {
         };
         let found = |value: f64, size: usize| {
             let (matrix, places) = diagonal(value, size);
-            smallest(&matrix, &places, 2, None, &Never)
+            smallest(&matrix, &places, 2, None, &Never).map(|vectors| values_of(&matrix, &vectors).0)
         };
         for size in [3, 400] {
-            assert_eq!(found(0.0, size).expect("settles").values, [0.0, 0.0]);
+            assert_eq!(found(0.0, size).expect("settles"), [0.0, 0.0]);
             assert_eq!(found(f64::NAN, size).err(), Some(EigenError::NotFinite));
         }
         assert_eq!(found(1.0, 1).err(), Some(EigenError::TooFewRows { rows: 1, needed: 2 }));

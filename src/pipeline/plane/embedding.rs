@@ -192,7 +192,7 @@ impl<'a> Sheet<'a> {
     /// The plane of LLE.
     fn by_neighborhoods(&self, cancel: &dyn Cancel) -> Result<Option<Vec<Point2<f64>>>, EmbeddingError> {
         let found = lle(&self.surface.positions, &self.lists, cancel)?;
-        let pairs = pairs(&found.vectors, 1);
+        let pairs = pairs(&found, 1);
         let Some(scale) = self.tangents.scale(&pairs) else { return Ok(None) };
         Ok(Some(on_axes(&scaled(&pairs, &scale))))
     }
@@ -204,7 +204,7 @@ impl<'a> Sheet<'a> {
         let mut best: Option<([f64; 2], Vec<Point2<f64>>)> = None;
         for second in 1..WAVES {
             cancel.check()?;
-            let pairs = pairs(&found.vectors, second);
+            let pairs = pairs(&found, second);
             let Some(scale) = self.tangents.scale(&pairs) else { continue };
             let scaled = scaled(&pairs, &scale);
             let Some(distortion) = self.tangents.distortion(&scaled) else { continue };

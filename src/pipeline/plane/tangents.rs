@@ -282,6 +282,7 @@ mod tests {
     fn strings_and_lines_are_decided() {
         let (surface, _) = bent(1, 30, 1e6);
         let string = tangents_of(&surface);
+        assert!(string.tangents.iter().all(|tangent| !tangent.is_plane));
         assert_eq!(string.distortion(&[]), None);
         assert_eq!(string.scale(&[]), None);
         let (surface, flat) = bent(15, 40, 12.0);
