@@ -46,6 +46,9 @@ pub struct Structure {
     pub volume_mm3: f64,
     /// Edge of the isotropic working voxel, mm.
     pub working_voxel_mm: f64,
+    /// Edges of the voxels that the mask was made on, along the axes of the file, mm: those of the file, or larger ones
+    /// where it repeats them.
+    pub grain_mm: [f64; 3],
     /// The figures, the largest first; empty when refused.
     pub figures: Vec<Figure>,
     /// Where they meet.

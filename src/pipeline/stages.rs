@@ -49,6 +49,7 @@ pub fn stages(
     let Masked { solid, object } = context.stage(Stage::Mask, || masked(volume, label, context))?;
     structure.object = object;
     structure.working_voxel_mm = solid.voxel_mm;
+    structure.grain_mm = solid.grain_mm;
     let depth = context.stage(Stage::Distance, || depth(&solid, context))?;
     let surface = context.stage(Stage::Skeleton, || medial_surface(&solid, &depth, context))?;
     let sheets = context.stage(Stage::Sheets, || sheets(&surface, &solid, &depth, context))?;

@@ -58,6 +58,7 @@ fn thickness_json_has_the_names_of_the_contract() {
         "voxels",
         "volume_mm3",
         "working_voxel_mm",
+        "grain_mm",
         "resolved",
         "automatic",
         "figures",

@@ -135,7 +135,8 @@ pub(super) fn cut_out(volume: &LabelVolume, label: Label, cancel: &dyn Cancel) -
         crop.fill_row(row, out);
         Ok(())
     })?;
-    Ok(NativeMask { mask, world_from_voxel: crop.turned(&world_from_crop) })
+    let file_axes = crop.axes.map(|axis| axis.number);
+    Ok(NativeMask { mask, world_from_voxel: crop.turned(&world_from_crop), file_axes })
 }
 
 /// The axis of the voxels that one of the mask runs along.

@@ -22,6 +22,10 @@ pub(crate) mod clean;
 
 mod working_grid;
 
+mod grain;
+
+mod bending;
+
 mod resample;
 
 mod perturb;
@@ -36,6 +40,7 @@ use rayon::prelude::*;
 use self::clean::{clean, keep_one_piece};
 use self::cut_out::{Label, cut_out, warn_if_cut};
 use self::perturb::perturbed;
+use self::grain::{AxisGrain, grain, on_grain};
 use self::resample::resample;
 use self::senses::Senses;
 use self::working_grid::{WorkingGrid, embed};
@@ -71,6 +76,8 @@ pub struct Solid {
     pub world_from_work: WorldFromVoxel,
     /// Edge of a working voxel, mm.
     pub voxel_mm: f64,
+    /// Edges of the voxels that the mask was made on, along the axes of the file, mm.
+    pub grain_mm: [f64; 3],
     /// The mask on its own voxels, before any resampling.
     pub native: NativeMask,
     /// Which way is positive in the world.
@@ -85,6 +92,19 @@ pub struct NativeMask {
     pub mask: Grid<bool>,
     /// Where they lie.
     pub world_from_voxel: WorldFromVoxel,
+    /// The axis of the file that each of its own runs along.
+    pub file_axes: [usize; 3],
+}
+
+impl NativeMask {
+    /// The grain along the axes of the file, mm.
+    fn grain_mm(&self, grain: &[AxisGrain; 3]) -> [f64; 3] {
+        let mut grain_mm = self.world_from_voxel.spacing_mm();
+        for (axis, spacing) in self.world_from_voxel.spacing_mm().into_iter().enumerate() {
+            grain_mm[self.file_axes[axis]] = spacing * grain[axis].factor;
+        }
+        grain_mm
+    }
 }
 
 /// What the first stage makes of a label.
@@ -106,16 +126,24 @@ pub struct Masked {
 /// left of the object on it; when it is cancelled.
 pub fn masked(volume: &LabelVolume, label: Label, context: &Context<'_>) -> Result<Masked, PipelineError> {
     warn_if_cut(volume, label, context);
-    let mut native = cut_out(volume, label, context)?;
+    let stored = cut_out(volume, label, context)?;
+    let grain = grain(&stored.mask, context)?;
+    let grain_mm = stored.grain_mm(&grain);
+    let mut native = on_grain(stored, &grain, context)?;
     let plan = WorkingGrid::plan(&native, context.params.resolution_mm);
     plan.check_size()?;
     context.advance(0.2);
     native.mask = clean(native.mask, context)?;
     context.advance(0.4);
-    let (mask, soft) =
-        if plan.is_native { embed(&native.mask, &plan, context)? } else { resample(&native, &plan, context)? };
+    let (mask, mut level) = if plan.is_native {
+        let (mask, soft) = embed(&native.mask, &plan, context)?;
+        (mask, smoothed(soft, context)?)
+    } else {
+        resample(&native, &plan, context)?
+    };
     context.advance(0.6);
-    let (inside, level) = smooth_boundary(soft, context)?;
+    let inside = keep_one_piece(&mut level, context)?;
+    let level = Field(level);
     if !inside.as_slice().contains(&true) {
         return Err(too_thin(&mask, plan.voxel_mm, context)?.into());
     }
@@ -123,16 +151,15 @@ pub fn masked(volume: &LabelVolume, label: Label, context: &Context<'_>) -> Resu
     context.advance(0.8);
     let WorkingGrid { world_from_work, voxel_mm, .. } = plan;
     let senses = Senses::of(&inside, &world_from_work, context)?;
-    let solid = Solid { inside, mask, level, world_from_work, voxel_mm, native, senses };
+    let solid = Solid { inside, mask, level, world_from_work, voxel_mm, grain_mm, native, senses };
     Ok(match context.repeat {
         Some(repeat) => Masked { solid: perturbed(solid, repeat.number, context)?, object: TriangleMesh::default() },
         None => Masked { object: object_mesh(&solid, context)?, solid },
     })
 }
 
-/// The level that is 0 on the boundary of soft voxels, and what lies inside of it, one piece without
-/// cavities.
-fn smooth_boundary(mut soft: Grid<f32>, cancel: &dyn Cancel) -> Result<(Grid<bool>, Field), Cancelled> {
+/// The level that is 0 on the boundary of soft voxels.
+fn smoothed(mut soft: Grid<f32>, cancel: &dyn Cancel) -> Result<Grid<f32>, Cancelled> {
     gaussian(&mut soft, [BOUNDARY_SIGMA; 3], cancel)?;
     soft.as_mut_slice().par_chunks_mut(SLICE).try_for_each(|slice| {
         cancel.check()?;
@@ -141,8 +168,7 @@ fn smooth_boundary(mut soft: Grid<f32>, cancel: &dyn Cancel) -> Result<(Grid<boo
         }
         Ok::<_, Cancelled>(())
     })?;
-    let inside = keep_one_piece(&mut soft, cancel)?;
-    Ok((inside, Field(soft)))
+    Ok(soft)
 }
 
 /// One piece without cavities has one tunnel for each that its Euler number is below 1.

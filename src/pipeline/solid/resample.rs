@@ -1,80 +1,91 @@
 //! A mask on another grid.
 
-use nalgebra::Point3;
-use rayon::prelude::*;
+use nalgebra::{Point3, Vector3};
 
+use super::NativeMask;
+use super::bending::{ROOM, least_bending};
 use super::working_grid::{WorkingGrid, at_origin};
-use super::{NativeMask, SLICE};
 use crate::cancel::{Cancel, Cancelled};
-use crate::numerics::components::boundary_voxels;
-use crate::numerics::distance::nearest_seed;
 use crate::numerics::field::{centre, floor_index};
-use crate::space::{Grid, VoxelIndex, WorldFromVoxel};
+use crate::space::{Grid, WorldFromVoxel};
 
-/// Half-way between two voxels the share is 0.5 but for rounding, which is to decide nothing: it must be past it by
-/// more than f32 rounds by, 6e-8, and by less than any mask means.
-const HALF: f32 = 0.500_001;
+/// Distance from the boundary, working voxels, beyond which the level stays the same: room for every step that is made
+/// from a voxel's centre to the boundary, and for gradients there.
+const REACH: f64 = 4.0;
+/// Level that counts as 0, working voxels: rounding is to decide nothing. It is more than f32 rounds by, and less than
+/// any mask means.
+const NOTHING: f32 = 1e-6;
 
-/// Shape-based interpolation (Raya, Udupa, IEEE TMI 9, 1990): the signed distance is read between
-/// the voxels and made a mask again, with soft edges.
+/// The mask and its level on the working grid, in working voxels, by the shape of its boundary.
 pub(super) fn resample(
     native: &NativeMask,
     plan: &WorkingGrid,
     cancel: &dyn Cancel,
 ) -> Result<(Grid<bool>, Grid<f32>), Cancelled> {
-    let signed = signed_distance_mm(&native.mask, native.world_from_voxel.spacing_mm(), cancel)?;
-    let (crop_mm, _) = at_origin(&native.world_from_voxel);
-    let source = Source { signed, crop_mm, plan };
-    let soft = Grid::try_of(plan.dims, |at| source.share(at), cancel)?;
-    Ok((soft.try_map(|share| *share > HALF, cancel)?, soft))
+    let source = Source::of(native, plan, cancel)?;
+    let mut level = Grid::try_of(plan.dims, |at| source.level(centre(at)), cancel)?;
+    let voxels = native.mask.as_slice().iter().filter(|is_in| **is_in).count();
+    let volume = voxels as f64 * native.world_from_voxel.voxel_volume_mm3() / plan.voxel_mm.powi(3);
+    let shift = level_of_volume(&level, volume);
+    for value in level.as_mut_slice() {
+        *value -= shift;
+    }
+    Ok((level.try_map(|value| *value > NOTHING, cancel)?, level))
 }
 
 /// What is resampled, and onto what.
 struct Source<'a> {
-    /// Signed distance of the native voxels, mm.
-    signed: Grid<f32>,
-    /// Where they lie, the first one at the origin.
+    /// Level of the native voxels, mm.
+    level_mm: Grid<f32>,
+    /// Where they lie, the first voxel of the mask at the origin.
     crop_mm: WorldFromVoxel,
     plan: &'a WorkingGrid,
 }
 
-impl Source<'_> {
-    /// How much of a working voxel is inside, if the boundary is a plane there: its distance, over the width of a
-    /// voxel.
-    fn share(&self, at: VoxelIndex) -> f32 {
-        let place = self.plan.centred.point(centre(at));
-        let distance_mm = cubic(&self.signed, self.crop_mm.voxel(place));
+impl<'a> Source<'a> {
+    fn of(native: &NativeMask, plan: &'a WorkingGrid, cancel: &dyn Cancel) -> Result<Self, Cancelled> {
+        let roomy = with_room(&native.mask, cancel)?;
+        let level_mm = least_bending(&roomy, native.world_from_voxel.spacing_mm(), cancel)?;
+        let (crop_mm, _) = at_origin(&native.world_from_voxel);
+        Ok(Self { level_mm, crop_mm, plan })
+    }
+
+    fn level(&self, at: Point3<f64>) -> f32 {
+        let place = self.crop_mm.voxel(self.plan.centred.point(at)) + Vector3::repeat(ROOM as f64);
+        let level = cubic(&self.level_mm, place) / self.plan.voxel_mm;
         #[expect(clippy::cast_possible_truncation, reason = "the grid is f32")]
-        let share = (0.5 + distance_mm / self.plan.voxel_mm).clamp(0.0, 1.0) as f32;
-        share
+        let level = level.clamp(-REACH, REACH) as f32;
+        level
     }
 }
 
-/// Signed distance to the voxel boundary, positive inside: half the distance to the nearest
-/// outside voxel centre less that to the nearest inside one.
-fn signed_distance_mm(mask: &Grid<bool>, spacing_mm: [f64; 3], cancel: &dyn Cancel) -> Result<Grid<f32>, Cancelled> {
-    let mut signed = squared_distance(mask, false, spacing_mm, cancel)?;
-    let inward = squared_distance(mask, true, spacing_mm, cancel)?;
-    let slices = inward.as_slice().par_chunks(SLICE).zip(mask.as_slice().par_chunks(SLICE));
-    signed.as_mut_slice().par_chunks_mut(SLICE).zip(slices).try_for_each(|(outward, (inward, mask))| {
-        cancel.check()?;
-        for ((o, i), is_inside) in outward.iter_mut().zip(inward).zip(mask) {
-            *o = if *is_inside { o.sqrt() } else { -i.sqrt() } / 2.0;
-        }
-        Ok(())
-    })?;
-    Ok(signed)
+/// A mask with more free voxels around it.
+fn with_room(mask: &Grid<bool>, cancel: &dyn Cancel) -> Result<Grid<bool>, Cancelled> {
+    let dims = mask.dims();
+    let inner = |at: [usize; 3]| (0..3).all(|axis| at[axis] >= ROOM && at[axis] < dims[axis] + ROOM);
+    let value = |at: [usize; 3]| inner(at) && mask[at.map(|x| x - ROOM)];
+    Grid::try_of(dims.map(|n| n + 2 * ROOM), value, cancel)
 }
 
-/// Squared distance to the nearest voxel that is `value`, mm².
-fn squared_distance(
-    mask: &Grid<bool>,
-    value: bool,
-    spacing_mm: [f64; 3],
-    cancel: &dyn Cancel,
-) -> Result<Grid<f32>, Cancelled> {
-    let seeds = boundary_voxels(mask, value, cancel)?;
-    Ok(nearest_seed(mask.dims(), spacing_mm, &seeds, cancel)?.squared)
+/// The level above which a volume, in voxels, lies: the boundary is to hold what the mask holds.
+fn level_of_volume(level: &Grid<f32>, volume: f64) -> f32 {
+    let mut near: Vec<f32> = Vec::new();
+    let mut inside = 0usize;
+    #[expect(clippy::cast_possible_truncation, reason = "a few voxels")]
+    let reach = REACH as f32;
+    for &value in level.as_slice() {
+        if value >= reach {
+            inside += 1;
+        } else if value > -reach {
+            near.push(value);
+        }
+    }
+    let rank = floor_index(volume.round()).saturating_sub(inside);
+    if rank == 0 || rank >= near.len() {
+        return 0.0;
+    }
+    let (_, at, _) = near.select_nth_unstable_by(rank, |a, b| b.total_cmp(a));
+    *at
 }
 
 /// Catmull-Rom interpolation along each axis; the edge goes on outside.

@@ -99,6 +99,7 @@ pub fn structure(label: i64, sheets: Vec<Sheet>) -> Structure {
         voxels: 3600,
         volume_mm3: 3600.0,
         working_voxel_mm: 1.0,
+        grain_mm: [1.0; 3],
         figures: sheets.into_iter().map(Figure::Sheet).collect(),
         junctions: vec![Junction { figures: vec![0], points: vec![WorldPoint::new(1.0, 2.0, 3.0)] }],
         pruning: Pruning { strength: 0.5, loss_needed: 0.03, pruned: 0 },

@@ -129,6 +129,8 @@ pub struct StructureDoc {
     pub voxels: u64,
     pub volume_mm3: Rounded,
     pub working_voxel_mm: Rounded,
+    #[serde(default)]
+    pub grain_mm: [Rounded; 3],
     pub resolved: ResolvedDoc,
     pub automatic: StructureAutomaticDoc,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -262,6 +264,7 @@ impl StructureDoc {
             voxels: structure.voxels,
             volume_mm3: Rounded(structure.volume_mm3),
             working_voxel_mm: Rounded(structure.working_voxel_mm),
+            grain_mm: structure.grain_mm.map(Rounded),
             resolved: ResolvedDoc {
                 prune: Rounded(structure.pruning.strength),
                 resolution_mm: Rounded(structure.working_voxel_mm),
