@@ -12,8 +12,8 @@ pub enum GridFrom {
     Asked,
     /// The parameter `spacing_mm` and the sheet's extents.
     Spacing,
-    /// The sheet's extents alone: about `NODES` nodes, as far apart along rows as along columns.
-    Size,
+    /// The surfaces: as few nodes as leave chords between them near enough.
+    Shape,
 }
 
 impl GridFrom {
@@ -23,7 +23,7 @@ impl GridFrom {
         match self {
             Self::Asked => "asked",
             Self::Spacing => "spacing_mm",
-            Self::Size => "size",
+            Self::Shape => "shape",
         }
     }
 }

@@ -80,6 +80,16 @@ impl LatticeKind {
     /// Their names.
     pub const NAMES: [&'static str; 2] = [Self::Fitted.name(), Self::Regular.name()];
 
+    /// Share of the extent that it leaves free at each edge by default: one that follows the outline none, the paper's
+    /// rectangle what its corners lack.
+    #[must_use]
+    pub const fn margin(self) -> f64 {
+        match self {
+            Self::Fitted => 0.0,
+            Self::Regular => 0.05,
+        }
+    }
+
     /// Stable name.
     #[must_use]
     pub const fn name(self) -> &'static str {

@@ -36,8 +36,8 @@ pub struct Params {
     pub grid: GridChoice,
     /// Wanted geodesic distance between nodes, mm, with `grid: auto`.
     pub spacing_mm: Option<f64>,
-    /// Share of the intrinsic extent left free at each edge.
-    pub margin: f64,
+    /// Share of the intrinsic extent left free at each edge; none for what the lattice needs. Checked ones have it.
+    pub margin: Option<f64>,
     /// Neighbourhood of the graph that is flattened.
     pub neighbors: Neighbors,
     /// ISOMAP landmarks.
@@ -66,9 +66,9 @@ impl Default for Params {
     fn default() -> Self {
         Self {
             labels: None,
-            grid: GridChoice::Fixed { rows: 6, cols: 8 },
+            grid: GridChoice::Auto,
             spacing_mm: None,
-            margin: 0.05,
+            margin: None,
             neighbors: Neighbors::Auto,
             landmarks: Landmarks::Auto,
             lattice: LatticeKind::Fitted,
@@ -103,7 +103,16 @@ pub struct CheckedParams(Params);
 impl Default for CheckedParams {
     /// The defaults, all of which are in range.
     fn default() -> Self {
-        Self(Params::default())
+        let params = Params::default();
+        Self(Params { margin: Some(params.lattice.margin()), ..params })
+    }
+}
+
+impl CheckedParams {
+    /// Share of the intrinsic extent left free at each edge.
+    #[must_use]
+    pub fn margin(&self) -> f64 {
+        self.margin.unwrap_or(self.lattice.margin())
     }
 }
 
@@ -158,6 +167,6 @@ impl Params {
                 allowed: "a spacing only with grid \"auto\"".to_owned(),
             });
         }
-        Ok(CheckedParams(self))
+        Ok(CheckedParams(Self { margin: self.margin.or(Some(self.lattice.margin())), ..self }))
     }
 }

@@ -79,10 +79,11 @@ pub static PARAMS: &[Param] = &[
             Shape::Fields(&[("rows", Shape::Count(LATTICE_SIDE)), ("cols", Shape::Count(LATTICE_SIDE))]),
             Shape::Words(&["auto"])
         ],
-        "N × M lattice. Rows run across the shorter intrinsic axis, cols along the longer."
+        "N × M lattice. Rows run across the shorter intrinsic axis, cols along the longer. \"auto\" takes as many as chords \
+         need to follow the surface within half a voxel of the mask's own grain, 6 × 8 at the least."
     ),
     param!(spacing_mm, [Shape::Number(LENGTH_MM)], "With grid \"auto\": geodesic distance wanted between nodes."),
-    param!(margin, [Shape::Number(MARGIN)], "Share of the intrinsic extent left free at each edge."),
+    param!(margin, [Shape::Number(MARGIN)], "Share of the intrinsic extent left free at each edge. Default: 0 with lattice \"fitted\", 0.05 with \"regular\"."),
     param!(
         neighbors,
         [

@@ -27,6 +27,8 @@ pub(crate) mod rim;
 
 pub mod map;
 
+mod chords;
+
 mod size;
 
 use nalgebra::Point2;
@@ -117,12 +119,13 @@ pub fn lattices(
     warn_of_frame(&framed.frame, number, context);
     let too_small = Refusal::TooSmall { points: sheet.medial.positions.len(), needed: MIN_SHEET_POINTS };
     if !is_anchored {
-        let (size, choices) = sized(flat, &region, solid, number, context);
+        let own = SheetPoints::of(sheet, &flat.medial.points);
+        let (size, choices) = sized(flat, (&region, &own), solid, number, context)?;
         let lattices = on_each_surface(flat, size, context)?.ok_or(too_small)?;
         return Ok((choices, Laid::Paper(lattices)));
     }
     let whole = to_rim(&points, &region, &sheet.hinge, solid, depth, context)?;
-    let (size, choices) = sized(flat, &whole.region, solid, number, context);
+    let (size, choices) = sized(flat, (&whole.region, &whole.points), solid, number, context)?;
     let lattice = spaced_as_asked(&whole.region, size, solid, context)?.ok_or(too_small)?;
     Ok((choices, Laid::Anchored { whole, lattice }))
 }
@@ -150,14 +153,14 @@ fn check_holes(share: f64, number: usize, context: &Context<'_>) -> Result<(), R
 /// The size of the lattice, that of the figure it repeats in a repeat, with the evidence for all choices.
 fn sized(
     flat: &PerSurface<Flat>,
-    region: &Region,
+    (region, points): (&Region, &SheetPoints),
     solid: &Solid,
     number: usize,
     context: &Context<'_>,
-) -> (LatticeSize, Automatic) {
-    let (size, choices) = automatic(context.params, flat, region, solid.voxel_mm);
+) -> Result<(LatticeSize, Automatic), Cancelled> {
+    let (size, choices) = automatic(flat, region, points, solid.voxel_mm, context)?;
     let repeated = context.repeat.and_then(|repeat| repeat.sizes.get(number).copied());
-    (repeated.unwrap_or(size), choices)
+    Ok((repeated.unwrap_or(size), choices))
 }
 
 /// A lattice over a region; with `spacing_mm`, laid again in the size at which its nodes are that far apart.
@@ -168,11 +171,11 @@ fn spaced_as_asked(
     context: &Context<'_>,
 ) -> Result<Option<Lattice>, Cancelled> {
     let params = context.params;
-    let first = lattice(region, params.lattice, size, params.margin, 0.0, context)?;
+    let first = lattice(region, params.lattice, size, params.margin(), 0.0, context)?;
     if let (None, Some(spacing_mm), Some(first)) = (context.repeat, params.spacing_mm, &first) {
         let better = respaced(first, spacing_mm / solid.voxel_mm);
         if better != size {
-            return lattice(region, params.lattice, better, params.margin, 0.0, context);
+            return lattice(region, params.lattice, better, params.margin(), 0.0, context);
         }
     }
     Ok(first)
@@ -193,7 +196,7 @@ fn on_each_surface(
 
 fn on_surface(flat: &Flat, size: LatticeSize, context: &Context<'_>) -> Result<Option<Lattice>, Cancelled> {
     let region = Region::of(&flat.points, context)?;
-    lattice(&region, context.params.lattice, size, context.params.margin, RIM_INSET, context)
+    lattice(&region, context.params.lattice, size, context.params.margin(), RIM_INSET, context)
 }
 
 /// Refuses balls and tubes: their medial sheet is no wider than they are thick.

@@ -1,33 +1,36 @@
 //! How many rows and columns a lattice gets (section 3 of the paper), and the evidence for it and for what else was
 //! chosen.
 
+use super::chords::following;
+use crate::cancel::Cancelled;
 use crate::model::{Automatic, GridFrom, LatticeSize, PerSurface};
 use crate::numerics::field::floor_index;
 use crate::params::{CheckedParams, GridChoice, LATTICE_SIDE, Neighbors};
+use crate::pipeline::context::Context;
 use crate::pipeline::lattice::Lattice;
 use crate::pipeline::plane::region::Region;
+use crate::pipeline::plane::strip::SheetPoints;
 use crate::pipeline::plane::{AUTO_RADIUS, Flat};
 
-/// Nodes of an automatic lattice without a spacing: the paper's 6 × 8 and a little more. With 32, masks of 74 organs
-/// and shapes lie 18 % further from the model on average; with 128, 10 % nearer, but 76 nodes end short, not 24.
-const NODES: f64 = 64.0;
-
 /// The lattice for a sheet and the evidence for all choices.
-#[must_use]
-pub fn automatic(
-    params: &CheckedParams,
+///
+/// # Errors
+/// When it is cancelled.
+pub(super) fn automatic(
     flat: &PerSurface<Flat>,
     region: &Region,
+    points: &SheetPoints,
     voxel_mm: f64,
-) -> (LatticeSize, Automatic) {
+    context: &Context<'_>,
+) -> Result<(LatticeSize, Automatic), Cancelled> {
+    let params: &CheckedParams = context.params;
     let [length_mm, width_mm] = region.rectangle().map(|side| side.max(1.0) * voxel_mm);
     let (size, grid_from) = match (params.grid, params.spacing_mm) {
         (GridChoice::Fixed { rows, cols }, _) => (LatticeSize { rows, cols }, GridFrom::Asked),
-        (GridChoice::Auto, Some(spacing)) => (spaced([length_mm, width_mm], params.margin, spacing), GridFrom::Spacing),
-        (GridChoice::Auto, None) => {
-            let spacing = (length_mm * width_mm / NODES).sqrt();
-            (spaced([length_mm, width_mm], 0.0, spacing), GridFrom::Size)
+        (GridChoice::Auto, Some(spacing)) => {
+            (spaced([length_mm, width_mm], params.margin(), spacing), GridFrom::Spacing)
         }
+        (GridChoice::Auto, None) => (following(region, points, context)?, GridFrom::Shape),
     };
     let (neighborhood_mm, neighborhood) = match params.neighbors {
         Neighbors::Auto => (Some(AUTO_RADIUS * voxel_mm), format!("ball of {AUTO_RADIUS} voxels")),
@@ -36,9 +39,8 @@ pub fn automatic(
     };
     let graph_pieces = flat.map(|flat| flat.embedded.map_or(0, |embedded| embedded.pieces));
     let facts = Automatic { neighborhood_mm, neighborhood, graph_pieces, grid_from, length_mm, width_mm };
-    (size, facts)
+    Ok((size, facts))
 }
-
 /// Lattice whose nodes are `spacing` apart on what the margin leaves of a rectangle.
 fn spaced([length, width]: [f64; 2], margin: f64, spacing: f64) -> LatticeSize {
     let left = 1.0 - 2.0 * margin;

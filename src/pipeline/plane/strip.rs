@@ -80,6 +80,14 @@ pub struct SheetPoints {
     pub radii: Vec<f64>,
 }
 
+impl SheetPoints {
+    /// Those of a sheet.
+    #[must_use]
+    pub fn of(sheet: &SheetSides, flat: &[Point2<f64>]) -> Self {
+        Self { flat: flat.to_vec(), positions: sheet.medial.positions.clone(), radii: sheet.radii.clone() }
+    }
+}
+
 /// The directions of a strip at one of its points.
 struct Strip {
     /// Unit direction across in the plane.
@@ -119,7 +127,7 @@ pub fn widened(
     let least_radius = LEAST_RADIUS * median(sheet.radii.clone()).unwrap_or(0.0);
     let added = each_number(flat.len(), POINTS_PER_TASK, |k| strips.beside(k, least_radius, depth), cancel)?;
     let mut points =
-        SheetPoints { flat: flat.to_vec(), positions: sheet.medial.positions.clone(), radii: sheet.radii.clone() };
+        SheetPoints::of(sheet, flat);
     for (flat, position, radius) in added.into_iter().flatten() {
         points.flat.push(flat);
         points.positions.push(position);

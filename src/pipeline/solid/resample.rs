@@ -23,13 +23,7 @@ pub(super) fn resample(
     cancel: &dyn Cancel,
 ) -> Result<(Grid<bool>, Grid<f32>), Cancelled> {
     let source = Source::of(native, plan, cancel)?;
-    let mut level = Grid::try_of(plan.dims, |at| source.level(centre(at)), cancel)?;
-    let voxels = native.mask.as_slice().iter().filter(|is_in| **is_in).count();
-    let volume = voxels as f64 * native.world_from_voxel.voxel_volume_mm3() / plan.voxel_mm.powi(3);
-    let shift = level_of_volume(&level, volume);
-    for value in level.as_mut_slice() {
-        *value -= shift;
-    }
+    let level = Grid::try_of(plan.dims, |at| source.level(centre(at)), cancel)?;
     Ok((level.try_map(|value| *value > NOTHING, cancel)?, level))
 }
 
@@ -65,27 +59,6 @@ fn with_room(mask: &Grid<bool>, cancel: &dyn Cancel) -> Result<Grid<bool>, Cance
     let inner = |at: [usize; 3]| (0..3).all(|axis| at[axis] >= ROOM && at[axis] < dims[axis] + ROOM);
     let value = |at: [usize; 3]| inner(at) && mask[at.map(|x| x - ROOM)];
     Grid::try_of(dims.map(|n| n + 2 * ROOM), value, cancel)
-}
-
-/// The level above which a volume, in voxels, lies: the boundary is to hold what the mask holds.
-fn level_of_volume(level: &Grid<f32>, volume: f64) -> f32 {
-    let mut near: Vec<f32> = Vec::new();
-    let mut inside = 0usize;
-    #[expect(clippy::cast_possible_truncation, reason = "a few voxels")]
-    let reach = REACH as f32;
-    for &value in level.as_slice() {
-        if value >= reach {
-            inside += 1;
-        } else if value > -reach {
-            near.push(value);
-        }
-    }
-    let rank = floor_index(volume.round()).saturating_sub(inside);
-    if rank == 0 || rank >= near.len() {
-        return 0.0;
-    }
-    let (_, at, _) = near.select_nth_unstable_by(rank, |a, b| b.total_cmp(a));
-    *at
 }
 
 /// Catmull-Rom interpolation along each axis; the edge goes on outside.
