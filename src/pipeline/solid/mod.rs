@@ -59,6 +59,9 @@ use crate::space::{Grid, LabelVolume, WorldFromVoxel, WorldPoint};
 /// Standard deviation of the smoothing that turns voxels into a sub-voxel boundary, working
 /// voxels. Below 0.7 the staircase stays; above 1.2 edges round off by more than a tenth.
 const BOUNDARY_SIGMA: f64 = 1.0;
+/// The same of a boundary that was found by its shape, which has no staircase: what single wrong voxels make of it. With
+/// none, 3 % of them double the error of the medial sheet; with 1, edges round off as above.
+const SHAPE_SIGMA: f64 = 0.7;
 /// Voxels that one thread takes at a time, or between two looks at whether to stop, where little is done with each:
 /// some ten to a hundred microseconds. Fewer are not worth handing over, many more would make a stop wait.
 const SLICE: usize = 1 << 16;
@@ -139,7 +142,9 @@ pub fn masked(volume: &LabelVolume, label: Label, context: &Context<'_>) -> Resu
         let (mask, soft) = embed(&native.mask, &plan, context)?;
         (mask, smoothed(soft, context)?)
     } else {
-        resample(&native, &plan, context)?
+        let (mask, mut level) = resample(&native, &plan, context)?;
+        gaussian(&mut level, [SHAPE_SIGMA; 3], context)?;
+        (mask, level)
     };
     context.advance(0.6);
     let inside = keep_one_piece(&mut level, context)?;
