@@ -116,7 +116,11 @@ pub static PARAMS: &[Param] = &[
         [Shape::Words(&["auto"]), Shape::Number(PRUNE_STRENGTH)],
         "How much evidence a branch of the skeleton needs: 0 keeps everything, 1 the main sheet alone."
     ),
-    param!(max_figures, [Shape::Count(FIGURE_COUNT)], "Keep at most this many sheets, the largest first."),
+    param!(
+        max_figures,
+        [Shape::Count(FIGURE_COUNT)],
+        "Keep at most this many sheets of each part of the label, the largest first."
+    ),
     param!(
         resolution_mm,
         [Shape::Number(LENGTH_MM)],

@@ -109,6 +109,7 @@ fn blank(volume: &LabelVolume, label: Label, params: &CheckedParams) -> Structur
         voxels,
         volume_mm3: voxels as f64 * volume.world_from_voxel().voxel_volume_mm3(),
         working_voxel_mm: 0.0,
+        parts: Vec::new(),
         figures: Vec::new(),
         junctions: Vec::new(),
         pruning: Pruning { strength: strength(params.prune), loss_needed: loss_needed(params.prune), pruned: 0 },

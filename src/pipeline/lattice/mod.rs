@@ -156,8 +156,7 @@ fn sized(
     context: &Context<'_>,
 ) -> (LatticeSize, Automatic) {
     let (size, choices) = automatic(context.params, flat, region, solid.voxel_mm);
-    let repeated = context.repeat.and_then(|repeat| repeat.sizes.get(number).copied());
-    (repeated.unwrap_or(size), choices)
+    (context.repeated_size(number).unwrap_or(size), choices)
 }
 
 /// A lattice over a region; with `spacing_mm`, laid again in the size at which its nodes are that far apart.
