@@ -328,6 +328,20 @@ mod tests {
     }
 
     #[test]
+    fn a_component_is_cut_out_with_room_around() {
+        let mut grid = Grid::filled([9, 7, 6], false);
+        let own = [[5, 2, 2], [6, 3, 2], [6, 3, 3]];
+        for at in own.iter().chain(&[[1, 1, 1]]) {
+            grid[*at] = true;
+        }
+        let found = components(&grid, true, Connectivity::Corners26, &Never).expect("not stopped");
+        let (cut, first) = found.cut_out(1, 7);
+        assert_eq!((found.sizes, cut.dims(), first), (vec![1, 3], [4, 4, 4], [4, 1, 1]));
+        assert_eq!(cut.as_slice().iter().filter(|is_in| **is_in).count(), 3);
+        assert!(own.iter().all(|at| cut[[0, 1, 2].map(|axis| at[axis] - first[axis])]));
+    }
+
+    #[test]
     fn an_empty_set_has_no_component() {
         let empty = Grid::filled([3, 2, 2], false);
         let found = components(&empty, true, Connectivity::Corners26, &Never).expect("not stopped");

@@ -28,8 +28,8 @@ const DISTANCE: (f64, f64) = (4.0, 12.0);
 
 /// Share of the mask's surface further than one and a half grains from the model. A piece that is left out and makes the
 /// mean wrong by 3 % has 0.08, a sheet of four 0.25. Lower, the round rim of every organ would be a warning; higher, a
-/// lost lobe would pass.
-const FAR: (f64, f64) = (0.10, 0.30);
+/// lost lobe would pass. It is no failure: few nodes on a fine mask have 0.3 all round a rim that is right in thickness.
+const FAR: f64 = 0.10;
 /// Share of the points along vectors that are more than a voxel outside of the label. A legal figure has none; a bowel
 /// whose vectors leap over its folds has 0.04.
 const OUTSIDE: (f64, f64) = (0.01, 0.05);
@@ -161,7 +161,9 @@ fn fit_rows(quality: &StructureQuality, voxel_mm: f64, places: &Places) -> [Word
         row("covered_share", "share of the mask's surface covered", fit.covered_share)
             .bad_below(COVERED)
             .at(places.fit),
-        row("far_share", "share of the mask's surface far from the model", fit.far_share).bad_above(FAR).at(places.fit),
+        row("far_share", "share of the mask's surface far from the model", fit.far_share)
+            .warned_above(FAR)
+            .at(places.fit),
         row("surface_distance", distance_name, distance).bad_above(DISTANCE).at(places.fit),
         row("outside_share", outside_name, quality.outside_share).bad_above(OUTSIDE),
     ]
