@@ -28,7 +28,7 @@ accuracy:
 
 # Prints how wrong masks with known faults come out, and what the verdict says: the table in docs/quality.md.
 verdict:
-	@cargo run --quiet --locked --release --no-default-features --example verdict
+	@cargo run --quiet --locked --release --example accuracy -- --verdict
 
 # Fuzzes the readers of files, parameters and forms, FUZZ_SECONDS each (1800), and keeps what was found
 # in fuzz/corpus, which `make test` replays; needs a C++ compiler.

@@ -6,7 +6,7 @@ use medialrep::pipeline::PipelineError;
 use medialrep::space::LabelVolume;
 
 use crate::help::phantoms::{check_invariants, model_of, painted, params, run_of};
-use crate::measure::damage::{Fault, rows};
+use crate::measure::damage::{Fault, rows, to_markdown};
 
 type Voxel = [usize; 3];
 
@@ -169,17 +169,18 @@ fn a_small_cavity_is_filled_and_counts() {
 
 #[test]
 fn what_passes_is_right_within_three_percent() {
-    for row in rows() {
+    let rows = rows();
+    for row in &rows {
         let Ok(said) = &row.outcome else { continue };
         // The rim is in the mean of a coarse lattice, whatever the mask.
         if row.fault == Fault::Lattice {
             continue;
         }
-        let (error, about) = (row.mean_error.abs(), format!("{:?} {}: {:?}", row.fault, row.amount, said.reasons));
-        match said.verdict {
-            Verdict::Pass => assert!(error <= 0.03, "{about} passes, off by {error:.3}"),
-            Verdict::Warn => assert!(error <= 0.3, "{about} is a warning, off by {error:.3}"),
-            Verdict::Fail => {}
-        }
+        let most = match said.verdict {
+            Verdict::Pass => 0.03,
+            Verdict::Warn => 0.3,
+            Verdict::Fail => f64::INFINITY,
+        };
+        assert!(row.mean_error.abs() <= most, "{:?} {}:\n{}", row.fault, row.amount, to_markdown(&rows));
     }
 }

@@ -43,7 +43,7 @@ pub struct Row {
     pub fault: Fault,
     /// How much: voxels over those of the plate, flipped over boundary voxels, nodes or sheets left over all.
     pub amount: f64,
-    /// Mean thickness over what the mask has, less one; `None` where no figure is wrong of what there is.
+    /// Mean thickness over that of the mask, less one; no number of what is refused.
     pub mean_error: f64,
     /// The refusal's code, or what the program says of itself.
     pub outcome: Result<Said, String>,
@@ -122,7 +122,7 @@ fn run_with(volume: &LabelVolume, params: Params) -> Result<Structure, String> {
 /// A cross of four sheets of which a share is left out.
 fn cross(amount: f64) -> Result<Structure, String> {
     let sample = by_name("cross").expect("a sample of that name");
-    let kept = (4.0 * (1.0 - amount)).round() as usize;
+    let kept = whole(4.0 * (1.0 - amount));
     run_with(&CASES[0].mask(&sample), Params { grid: GRID, max_figures: Some(kept), ..Params::default() })
 }
 
@@ -134,16 +134,21 @@ fn thickness_of_cross() -> f64 {
 }
 
 fn coarser(share: f64) -> GridChoice {
-    GridChoice::Fixed { rows: (12.0 * share).round() as usize, cols: (20.0 * share).round() as usize }
+    GridChoice::Fixed { rows: whole(12.0 * share), cols: whole(20.0 * share) }
 }
 
 fn thickness(structure: &Structure) -> f64 {
     structure.thickness_summary().total_mm.expect("sheets with an area").mean
 }
 
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small numbers above nought")]
+fn whole(number: f64) -> usize {
+    number.round() as usize
+}
+
 /// How long a fault is that runs all across the plate and holds this share of its voxels.
 fn length(amount: f64, thickness: usize) -> usize {
-    (amount * (SIZE[0] * SIZE[2]) as f64 / thickness as f64).round() as usize
+    whole(amount * (SIZE[0] * SIZE[2]) as f64 / thickness as f64)
 }
 
 /// Mean thickness of the mask with its fault over that of the plate, by area.
