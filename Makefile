@@ -1,6 +1,6 @@
 # What one does here. `make run` and `make test` are all that a newcomer needs.
 
-.PHONY: run test web bench accuracy fuzz soak contract lint openapi image-check deny clean
+.PHONY: run test web bench accuracy verdict fuzz soak contract lint openapi image-check deny clean
 
 # The service and its page on 127.0.0.1:8080, with a sample job already sent.
 run:
@@ -25,6 +25,10 @@ bench:
 accuracy:
 	@cargo run --quiet --locked --release --example accuracy
 	@cargo run --quiet --locked --release --example accuracy -- --table
+
+# Prints how wrong masks with known faults come out, and what the verdict says: the table in docs/quality.md.
+verdict:
+	@cargo run --quiet --locked --release --example accuracy -- --verdict
 
 # Fuzzes the readers of files, parameters and forms, FUZZ_SECONDS each (1800), and keeps what was found
 # in fuzz/corpus, which `make test` replays; needs a C++ compiler.

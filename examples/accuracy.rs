@@ -4,6 +4,7 @@
 //! ```sh
 //! cargo run --release --example accuracy               # measures and writes, about a minute (make accuracy)
 //! cargo run --release --example accuracy -- --table    # what the file says, as tables in Markdown
+//! cargo run --release --example accuracy -- --verdict  # what each verdict is worth (make verdict)
 //! ```
 
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program for the command line")]
@@ -15,6 +16,7 @@ use std::error::Error;
 use std::path::Path;
 
 use measure::accuracy::measured;
+use measure::damage::{rows, to_markdown};
 use measure::shapes::SHAPES;
 use measure::table::{FILE, Table};
 
@@ -24,7 +26,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         [] => write(root),
         ["--table"] => print(root),
-        _ => Err("usage: accuracy [--table]".into()),
+        ["--verdict"] => {
+            println!("{}", to_markdown(&rows()));
+            Ok(())
+        }
+        _ => Err("usage: accuracy [--table | --verdict]".into()),
     }
 }
 

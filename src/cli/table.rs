@@ -182,7 +182,8 @@ mod tests {
     use crate::model::Refusal;
 
     fn measured(label: i64, verdict: Verdict, mean_mm: Option<f64>, reason: &str) -> StructureSummary {
-        let reason = Reason { code: "dice".into(), message: reason.to_owned(), value: 0.8, threshold: 0.9 };
+        let reason =
+            Reason { code: "dice".into(), message: reason.to_owned(), value: 0.8, threshold: 0.9, place: None };
         let reason = (verdict != Verdict::Pass).then_some(reason);
         let found = Measured { figures: 2, verdict, mean_thickness_mm: mean_mm, reason };
         StructureSummary { label, name: None, found: Ok(found) }

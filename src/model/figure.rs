@@ -55,6 +55,9 @@ pub struct Sheet {
     pub automatic: Automatic,
     /// Spread of its thickness, when asked for.
     pub uncertainty: Option<Uncertainty>,
+    /// Which part of the structure it belongs to.
+    #[serde(default)]
+    pub part: usize,
 }
 
 /// The points of one surface and where it was laid flat.

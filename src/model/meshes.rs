@@ -18,6 +18,15 @@ pub struct TriangleMesh {
     pub triangles: Vec<[u32; 3]>,
 }
 
+impl TriangleMesh {
+    /// Takes in another mesh.
+    pub(crate) fn append(&mut self, other: Self) {
+        let before = id(self.positions.len());
+        self.positions.extend(other.positions);
+        self.triangles.extend(other.triangles.into_iter().map(|corners| corners.map(|corner| corner + before)));
+    }
+}
+
 /// A surface of a figure as triangles. Corners of no triangle are left out.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SurfaceMesh {

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::numerics::stats::{mean, percentile};
 
 use super::side::{PerSurface, Side};
+use crate::space::WorldPoint;
 
 /// Surface distances, mm.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -28,10 +29,48 @@ pub struct Coverage {
     pub grain_mm: f64,
     /// Share of the mask's surface within one grain of the model's.
     pub covered_share: f64,
+    /// Share of the mask's surface further than one and a half grains from the model's.
+    #[serde(default)]
+    pub far_share: f64,
     /// From the mask's surface to the model's.
     pub mask_to_model: DistanceSummary,
     /// From the model's surface to the mask's.
     pub model_to_mask: DistanceSummary,
+}
+
+/// What became of the voxels of a label, as shares of those that were sent.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Kept {
+    /// Voxels that the figures stand for: all but those that were dropped, refused or lost.
+    pub kept: f64,
+    /// Voxels in parts that are too small for figures of their own.
+    pub dropped: f64,
+    /// Voxels in parts without a medial representation.
+    pub refused: f64,
+    /// Voxels too thin for the grid, or hanging on by a corner.
+    pub lost: f64,
+    /// Those of them in clumps too large for noise.
+    pub thin: f64,
+    /// Voxels that were added by filling cavities.
+    pub filled: f64,
+    /// Voxels that were added by closing gaps and tunnels.
+    pub closed: f64,
+}
+
+impl Default for Kept {
+    /// Nothing lost, nothing added.
+    fn default() -> Self {
+        Self { kept: 1.0, dropped: 0.0, refused: 0.0, lost: 0.0, thin: 0.0, filled: 0.0, closed: 0.0 }
+    }
+}
+
+/// Where something is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct WorldPlace {
+    /// The figure it is of, or nearest to; none where it is of the mask alone.
+    pub figure: Option<usize>,
+    /// Where.
+    pub position: WorldPoint,
 }
 
 /// What was repaired before a figure was handed out.
@@ -130,6 +169,9 @@ pub struct FigureQuality {
     pub medial_offset: MeanAndP95,
     /// Share of nodes that lie on the sheet.
     pub valid_share: f64,
+    /// Share of the points of vectors that are more than a voxel outside of the label.
+    #[serde(default)]
+    pub outside_share: f64,
 }
 
 impl Verdict {
@@ -175,6 +217,9 @@ pub struct Reason {
     pub value: f64,
     /// Its threshold.
     pub threshold: f64,
+    /// The worst place, where there is one.
+    #[serde(default)]
+    pub place: Option<WorldPlace>,
 }
 
 /// A measure that the verdict looks at.
@@ -246,6 +291,15 @@ pub struct StructureQuality {
     pub medial_offset: MeanAndP95,
     /// Sheets of the medial surface that were pruned.
     pub pruned_sheets: usize,
+    /// What became of the label's voxels.
+    #[serde(default)]
+    pub kept: Kept,
+    /// The largest share of a figure's vectors that is outside of the label.
+    #[serde(default)]
+    pub outside_share: f64,
+    /// Where the label's surface is furthest from the model: by `coverage.mask_to_model.max_mm`.
+    #[serde(default)]
+    pub worst_place: Option<WorldPlace>,
 }
 
 impl StructureQuality {

@@ -30,6 +30,16 @@ pub enum Refusal {
         /// A working voxel that would do, mm.
         resolution_mm: f64,
     },
+    /// Large cavities: the wall of something else, which has another thickness than what it encloses.
+    #[error(
+        "the object is hollow: closed cavities inside it hold {voxels} voxels, {:.0} % of its own volume", 100.0 * share
+    )]
+    Hollow {
+        /// Voxels in cavities that are no noise.
+        voxels: usize,
+        /// The same over the object's own voxels.
+        share: f64,
+    },
     /// Too few medial points for a sheet.
     #[error("the medial sheet has only {points} points, a lattice needs {needed}")]
     TooSmall {
@@ -102,8 +112,9 @@ pub enum Refusal {
 
 /// The codes that speak of the object's shape, not of the file it came in: all but
 /// [`Refusal::LabelMissing`] and [`Refusal::EmptyMask`].
-pub const SHAPE_CODES: [&str; 9] = [
+pub const SHAPE_CODES: [&str; 10] = [
     "too_thin",
+    "hollow_object",
     "too_small",
     "shape_is_a_ball",
     "shape_is_a_tube",
@@ -122,6 +133,7 @@ impl Refusal {
             Self::LabelMissing { .. } => "label_missing",
             Self::EmptyMask => "empty_mask",
             Self::TooThin { .. } => "too_thin",
+            Self::Hollow { .. } => "hollow_object",
             Self::TooSmall { .. } => "too_small",
             Self::Ball { .. } => "shape_is_a_ball",
             Self::Tube { .. } => "shape_is_a_tube",
@@ -141,6 +153,10 @@ impl Refusal {
             Self::EmptyMask => "check the segmentation: send a mask with at least one non-zero voxel".to_owned(),
             Self::TooThin { resolution_mm, .. } => {
                 format!("send a finer mask, or try resolution_mm {resolution_mm:.2}")
+            }
+            Self::Hollow { .. } => {
+                "to measure the wall, send a mask of it that is cut open; to measure the whole, send it filled"
+                    .to_owned()
             }
             Self::TooSmall { .. } => "send a finer mask or a larger object, or set a smaller resolution_mm".to_owned(),
             Self::Ball { .. } => "a ball has no medial sheet: measure it by its radius".to_owned(),

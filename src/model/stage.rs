@@ -75,6 +75,13 @@ impl StageTimings {
         self.0[stage as usize] += time.as_secs_f64() * 1e3;
     }
 
+    /// Adds the time of every stage.
+    pub fn add_all(&mut self, other: &Self) {
+        for (own, more) in self.0.iter_mut().zip(other.0) {
+            *own += more;
+        }
+    }
+
     /// Milliseconds of all stages.
     #[must_use]
     pub fn total(&self) -> f64 {

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::figure::{Figure, Sheet};
 use super::meshes::TriangleMesh;
-use super::quality::StructureQuality;
+use super::quality::{Coverage, StructureQuality};
 use super::refusal::Refusal;
 use super::stage::StageTimings;
 use super::warning::Warning;
@@ -31,6 +31,21 @@ pub struct Pruning {
     pub pruned: usize,
 }
 
+/// A part of a label that touches no other: one of a pair of organs, or all of it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LabelPart {
+    /// Its voxels.
+    pub voxels: u64,
+    /// Its figures; none when it is refused.
+    pub figures: Vec<usize>,
+    /// Share of its voxels that they stand for.
+    pub kept_share: f64,
+    /// How well they fit it.
+    pub coverage: Coverage,
+    /// Why it has no medial representation.
+    pub refusal: Option<Refusal>,
+}
+
 /// One label's result.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Structure {
@@ -49,7 +64,10 @@ pub struct Structure {
     /// Edges of the voxels that the mask was made on, along the axes of the file, mm: those of the file, or larger ones
     /// where it repeats them.
     pub grain_mm: [f64; 3],
-    /// The figures, the largest first; empty when refused.
+    /// The parts that were worked on, the largest first.
+    #[serde(default)]
+    pub parts: Vec<LabelPart>,
+    /// The figures, those of the first part first and of each part the largest first; empty when refused.
     pub figures: Vec<Figure>,
     /// Where they meet.
     pub junctions: Vec<Junction>,
@@ -86,6 +104,17 @@ impl Structure {
     /// Its sheets, in the order of the figures.
     pub fn sheets(&self) -> impl Iterator<Item = &Sheet> {
         self.figures.iter().filter_map(Figure::as_sheet)
+    }
+
+    /// The sheets of a part.
+    pub fn sheets_of_part(&self, part: usize) -> impl Iterator<Item = &Sheet> {
+        self.sheets().filter(move |sheet| sheet.part == part)
+    }
+
+    /// How many parts of the label have figures.
+    #[must_use]
+    pub fn components(&self) -> usize {
+        self.parts.iter().filter(|part| !part.figures.is_empty()).count()
     }
 }
 

@@ -57,6 +57,12 @@ impl Structure {
     pub fn thickness_summary(&self) -> ThicknessSummary {
         thickness_summary(self.sheets())
     }
+
+    /// Thickness over the sheets of a part.
+    #[must_use]
+    pub fn part_thickness(&self, part: usize) -> ThicknessSummary {
+        thickness_summary(self.sheets_of_part(part))
+    }
 }
 
 fn thickness_summary<'a>(sheets: impl Iterator<Item = &'a Sheet>) -> ThicknessSummary {

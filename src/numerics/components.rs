@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use crate::space::Grid;
+use crate::space::{Grid, VoxelIndex};
 
 use super::field::id;
 use super::parallel::each_number;
@@ -27,6 +27,13 @@ struct Run {
     row: u32,
     from: u32,
     to: u32,
+}
+
+impl Run {
+    /// Its row and plane; there are `height` rows in a plane.
+    fn place(&self, height: usize) -> [usize; 2] {
+        [self.row as usize % height, self.row as usize / height]
+    }
 }
 
 /// The components of a set, numbered 0, 1, … in the order of their first voxel.
@@ -59,6 +66,35 @@ impl Components {
     #[must_use]
     pub fn of_first_voxel(&self) -> Option<u32> {
         self.runs.first().is_some_and(|run| run.row == 0 && run.from == 0).then_some(0)
+    }
+
+    /// A component with one free voxel all around it, and its first voxel's place in the whole. The component must not
+    /// touch the edge of the whole; there are `height` rows in a plane of it.
+    #[must_use]
+    pub(crate) fn cut_out(&self, kept: u32, height: usize) -> (Grid<bool>, VoxelIndex) {
+        let (mut low, mut high) = ([usize::MAX; 3], [0; 3]);
+        for run in self.runs_of(kept) {
+            let [j, k] = run.place(height);
+            let ends = [[run.from as usize, j, k], [run.to as usize - 1, j, k]];
+            for axis in 0..3 {
+                low[axis] = low[axis].min(ends[0][axis]);
+                high[axis] = high[axis].max(ends[1][axis]);
+            }
+        }
+        let first = low.map(|x| x.saturating_sub(1));
+        let mut own = Grid::filled([0, 1, 2].map(|axis| (high[axis] + 2).saturating_sub(first[axis])), false);
+        for run in self.runs_of(kept) {
+            let [j, k] = run.place(height);
+            let start = own.offset([run.from as usize - first[0], j - first[1], k - first[2]]);
+            own.as_mut_slice()[start..start + (run.to - run.from) as usize].fill(true);
+        }
+        (own, first)
+    }
+
+    /// The runs of a component, ascending.
+    fn runs_of(&self, wanted: u32) -> impl Iterator<Item = &Run> {
+        let numbered = self.runs.iter().zip(&self.number);
+        numbered.filter(move |(_, number)| **number == wanted).map(|(run, _)| run)
     }
 
     /// Sets the voxels of all components but one, and returns their number.
@@ -289,6 +325,20 @@ mod tests {
                 assert_eq!(found.sizes, grown(&grid, connectivity));
             }
         }
+    }
+
+    #[test]
+    fn a_component_is_cut_out_with_room_around() {
+        let mut grid = Grid::filled([9, 7, 6], false);
+        let own = [[5, 2, 2], [6, 3, 2], [6, 3, 3]];
+        for at in own.iter().chain(&[[1, 1, 1]]) {
+            grid[*at] = true;
+        }
+        let found = components(&grid, true, Connectivity::Corners26, &Never).expect("not stopped");
+        let (cut, first) = found.cut_out(1, 7);
+        assert_eq!((found.sizes, cut.dims(), first), (vec![1, 3], [4, 4, 4], [4, 1, 1]));
+        assert_eq!(cut.as_slice().iter().filter(|is_in| **is_in).count(), 3);
+        assert!(own.iter().all(|at| cut[[0, 1, 2].map(|axis| at[axis] - first[axis])]));
     }
 
     #[test]

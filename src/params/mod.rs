@@ -48,7 +48,7 @@ pub struct Params {
     pub correspondence: Correspondence,
     /// Pruning.
     pub prune: Prune,
-    /// Keep at most this many sheets, the largest first.
+    /// Keep at most this many sheets of each part of a label, the largest first.
     pub max_figures: Option<usize>,
     /// Edge of the isotropic working voxel, mm; `None` means the finest spacing of the mask.
     pub resolution_mm: Option<f64>,

@@ -83,7 +83,11 @@ pub static PARAMS: &[Param] = &[
          need to follow the surface within half a voxel of the mask's own grain, 6 × 8 at the least."
     ),
     param!(spacing_mm, [Shape::Number(LENGTH_MM)], "With grid \"auto\": geodesic distance wanted between nodes."),
-    param!(margin, [Shape::Number(MARGIN)], "Share of the intrinsic extent left free at each edge. Default: 0 with lattice \"fitted\", 0.05 with \"regular\"."),
+    param!(
+        margin,
+        [Shape::Number(MARGIN)],
+        "Share of the intrinsic extent left free at each edge. Default: 0 with lattice \"fitted\", 0.05 with \"regular\"."
+    ),
     param!(
         neighbors,
         [
@@ -117,7 +121,11 @@ pub static PARAMS: &[Param] = &[
         [Shape::Words(&["auto"]), Shape::Number(PRUNE_STRENGTH)],
         "How much evidence a branch of the skeleton needs: 0 keeps everything, 1 the main sheet alone."
     ),
-    param!(max_figures, [Shape::Count(FIGURE_COUNT)], "Keep at most this many sheets, the largest first."),
+    param!(
+        max_figures,
+        [Shape::Count(FIGURE_COUNT)],
+        "Keep at most this many sheets of each part of the label, the largest first."
+    ),
     param!(
         resolution_mm,
         [Shape::Number(LENGTH_MM)],

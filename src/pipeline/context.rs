@@ -14,8 +14,8 @@ use crate::params::CheckedParams;
 pub struct Repeat<'a> {
     /// Which one, from 1.
     pub number: u64,
-    /// Lattice sizes of the figures that it repeats.
-    pub sizes: &'a [LatticeSize],
+    /// Lattice sizes of the figures that it repeats, for each part of the label.
+    pub sizes: &'a [Vec<LatticeSize>],
 }
 
 /// The context of one structure's stages.
@@ -29,6 +29,8 @@ pub struct Context<'a> {
     pub(super) structure: usize,
     /// Of how many.
     pub(super) structures: usize,
+    /// Which part of the label is worked on, from 0.
+    part: usize,
     notes: Mutex<Notes>,
 }
 
@@ -66,7 +68,7 @@ impl<'a> Context<'a> {
     /// The context of structure `structure` of `structures`.
     #[must_use]
     pub fn new(params: &'a CheckedParams, observer: &'a dyn Observer, structure: usize, structures: usize) -> Self {
-        Self { params, repeat: None, observer, structure, structures, notes: Mutex::default() }
+        Self { params, repeat: None, observer, structure, structures, part: 0, notes: Mutex::default() }
     }
 
     /// The context of a repeat of the same structure, whose progress nobody hears.
@@ -75,6 +77,29 @@ impl<'a> Context<'a> {
         'a: 'b,
     {
         Context { repeat: Some(repeat), ..Context::new(self.params, muted, self.structure, self.structures) }
+    }
+
+    /// The context of one part of the structure's label; what is noted there is taken in with [`Self::take_in`].
+    pub(super) fn of_part(&self, part: usize) -> Context<'a> {
+        let own = Context::new(self.params, self.observer, self.structure, self.structures);
+        Context { repeat: self.repeat, part, ..own }
+    }
+
+    /// In a repeat, the lattice size of the figure of this number that it repeats.
+    pub(crate) fn repeated_size(&self, number: usize) -> Option<LatticeSize> {
+        self.repeat?.sizes.get(self.part)?.get(number).copied()
+    }
+
+    /// Takes in what was noted of a part, under its name if it has one.
+    pub(super) fn take_in(&self, part: Notes, name: Option<&str>) {
+        let mut notes = self.notes();
+        for mut warning in part.warnings {
+            if let Some(name) = name {
+                warning.message = format!("{name}: {}", warning.message);
+            }
+            notes.warnings.push(warning);
+        }
+        notes.timings.add_all(&part.timings);
     }
 
     /// Runs `work` as a stage: looks whether to stop, reports, and takes the time. Of one that is stopped or refused

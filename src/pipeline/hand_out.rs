@@ -10,27 +10,32 @@ use super::quality::measures::FlatQuads;
 use super::sheets::Sheets;
 use super::sides::SheetSides;
 use super::solid::Solid;
+use super::stages::Worked;
 use crate::model::{Figure, FigureQuality, FlatPoints, Junction, PerSurface, Sheet, Structure};
 use crate::space::ParamPoint;
 
-/// Writes the figures of a structure, their junctions and qualities into it.
-pub(super) fn hand_out(
-    solid: &Solid,
-    surface: &MedialSurface,
-    sheets: &Sheets,
-    (sides, drafts): (&[SheetSides], &[Option<Draft>]),
-    measured: Measured,
-    structure: &mut Structure,
-) {
-    let mut qualities = measured.figures.into_iter();
-    for (sheet, draft) in sides.iter().zip(drafts) {
-        let Some(draft) = draft else { continue };
-        let quality = qualities.next().unwrap_or_default();
-        structure.figures.push(Figure::Sheet(figure(solid, sheet, draft, quality)));
-    }
+/// Writes the figures of a structure, part by part, their junctions and qualities into it.
+pub(super) fn hand_out(parts: Vec<Worked>, measured: Measured, structure: &mut Structure) {
+    let (mut of_figures, mut of_parts) = (measured.figures.into_iter(), measured.parts.into_iter());
     structure.quality = measured.structure;
-    structure.junctions = junctions(solid, surface, sheets, drafts);
-    structure.pruning.pruned = sheets.pruned;
+    for worked in parts {
+        let before = structure.figures.len();
+        for (sheet, draft) in worked.sides.iter().zip(&worked.drafts) {
+            let Some(draft) = draft else { continue };
+            let quality = of_figures.next().unwrap_or_default();
+            let sheet = Sheet { part: worked.part, ..figure(&worked.solid, sheet, draft, quality) };
+            structure.figures.push(Figure::Sheet(sheet));
+        }
+        let part = &mut structure.parts[worked.part];
+        part.figures = (before..structure.figures.len()).collect();
+        (part.kept_share, part.coverage) = of_parts.next().unwrap_or_default();
+        let hinges = junctions(&worked.solid, &worked.surface, &worked.sheets, &worked.drafts);
+        for Junction { figures, points } in hinges {
+            let figures = figures.into_iter().map(|figure| figure + before).collect();
+            structure.junctions.push(Junction { figures, points });
+        }
+        structure.pruning.pruned += worked.sheets.pruned;
+    }
 }
 
 fn in_mm(points: &[Point2<f64>], voxel_mm: f64) -> Vec<ParamPoint> {
@@ -62,6 +67,7 @@ fn figure(solid: &Solid, sheet: &SheetSides, draft: &Draft, quality: FigureQuali
         frame: frame.clone(),
         automatic: choices.clone(),
         uncertainty: None,
+        part: 0,
     }
 }
 

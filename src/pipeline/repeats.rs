@@ -31,13 +31,16 @@ pub(super) fn add_uncertainty(
     (blank, structure): (&Structure, &mut Structure),
 ) -> Result<(), Cancelled> {
     let repeats = context.params.uncertainty;
-    let sizes: Vec<LatticeSize> = structure.figures.iter().map(Figure::grid).collect();
+    let (figures, mut sizes) = (structure.figures.len(), Vec::new());
+    for part in &structure.parts {
+        sizes.push(part.figures.iter().map(|&figure| structure.figures[figure].grid()).collect());
+    }
     let all = repeated(volume, label, context, (blank, &sizes))?;
     let within_mm = SAME_WITHIN * structure.working_voxel_mm;
     for (number, figure) in structure.figures.iter_mut().enumerate() {
         let Figure::Sheet(sheet) = figure;
         let mut found = Vec::new();
-        for others in all.iter().filter(|others| others.len() == sizes.len()) {
+        for others in all.iter().filter(|others| others.len() == figures) {
             found.extend(counterpart(sheet, others, within_mm));
         }
         if 2 * found.len() < repeats {
@@ -55,7 +58,7 @@ fn repeated(
     volume: &LabelVolume,
     label: Label,
     context: &Context<'_>,
-    (blank, sizes): (&Structure, &[LatticeSize]),
+    (blank, sizes): (&Structure, &[Vec<LatticeSize>]),
 ) -> Result<Vec<Vec<Figure>>, Cancelled> {
     let repeats = context.params.uncertainty;
     let (muted, done) = (Muted(context.observer), AtomicUsize::new(0));

@@ -110,6 +110,7 @@ fn blank(volume: &LabelVolume, label: Label, params: &CheckedParams) -> Structur
         volume_mm3: voxels as f64 * volume.world_from_voxel().voxel_volume_mm3(),
         working_voxel_mm: 0.0,
         grain_mm: volume.world_from_voxel().spacing_mm(),
+        parts: Vec::new(),
         figures: Vec::new(),
         junctions: Vec::new(),
         pruning: Pruning { strength: strength(params.prune), loss_needed: loss_needed(params.prune), pruned: 0 },

@@ -1,7 +1,7 @@
 //! The stages in their order, and nothing else.
 //!
 //! ```text
-//! label of a volume
+//! label of a volume, part by part
 //!     │ mask ─────── solid/    a clean solid, isotropic, with a sub-voxel boundary
 //!     │ distance ─── solid/    the depth of every voxel below its skin
 //!     │ skeleton ─── medial/   thinned to the medial surface
@@ -11,7 +11,7 @@
 //!     │ ┌ isomap ─── plane/    in its frame, with its sides
 //!     │ │ lattice ── lattice/  a lattice over it
 //!     │ └ spokes ─── vectors/  back in space, with vectors to both sides      (for each sheet)
-//!     ▼ quality ──── quality/  legality, fit, verdict
+//!     ▼ quality ──── quality/  legality, fit to the label as it was sent, verdict    (for all parts together)
 //! figures, in work space; hand_out.rs brings them to the world
 //! ```
 //!
@@ -22,43 +22,130 @@ use super::context::{Context, Part};
 use super::draft::Draft;
 use super::hand_out::hand_out;
 use super::lattice::lattices;
-use super::medial::medial_surface;
+use super::medial::{MedialSurface, medial_surface};
 use super::plane::cut::laid_flat;
 use super::plane::{Framed, framed};
-use super::quality::quality;
-use super::sheets::sheets;
+use super::quality::{Answered, quality};
+use super::sheets::{Sheets, sheets};
 use super::sides::{SheetSides, sides};
+use super::solid::changes::Changes;
 use super::solid::cut_out::Label;
 use super::solid::depth::{Depth, depth};
+use super::solid::parts::{Sent, SentPart};
 use super::solid::{Masked, Solid, masked};
 use super::vectors::vectors;
 use super::{PipelineError, plane::Flat};
-use crate::model::{Stage, Structure};
+use crate::model::{LabelPart, Refusal, Stage, Structure};
 use crate::space::LabelVolume;
 
-/// Runs all stages on a label and notes in `structure` what they find, as far as they come.
+/// What the stages made of one part of a label.
+pub(super) struct Worked {
+    /// Which part.
+    pub part: usize,
+    pub solid: Solid,
+    pub changes: Changes,
+    pub depth: Depth,
+    pub surface: MedialSurface,
+    pub sheets: Sheets,
+    pub sides: Vec<SheetSides>,
+    pub drafts: Vec<Option<Draft>>,
+}
+
+impl<'a> From<&'a Worked> for Answered<'a> {
+    fn from(worked: &'a Worked) -> Self {
+        Self {
+            part: worked.part,
+            solid: &worked.solid,
+            depth: &worked.depth,
+            changes: &worked.changes,
+            drafts: worked.drafts.iter().flatten().collect(),
+            pruned: worked.sheets.pruned,
+        }
+    }
+}
+
+/// Runs all stages on a label, part by part, and notes in `structure` what they find, as far as they come.
 ///
 /// # Errors
-/// When the shape has no medial representation, or the run is cancelled.
+/// When no part of it has a medial representation, with the reason of the largest, or the run is cancelled.
 pub fn stages(
     volume: &LabelVolume,
     label: Label,
     context: &Context<'_>,
     structure: &mut Structure,
 ) -> Result<(), PipelineError> {
-    let Masked { solid, object } = context.stage(Stage::Mask, || masked(volume, label, context))?;
-    structure.object = object;
-    structure.working_voxel_mm = solid.voxel_mm;
-    structure.grain_mm = solid.grain_mm;
+    let sent = context.stage(Stage::Mask, || Sent::of(volume, label, context))?;
+    structure.grain_mm = sent.grain_mm;
+    let mut all = Vec::new();
+    for (number, part) in sent.parts.iter().enumerate() {
+        let outcome = on_part(part, Part { number, of: sent.parts.len() }, context, structure)?;
+        let refusal = outcome.as_ref().err().cloned();
+        structure.parts.push(LabelPart { voxels: stored(part, &sent), refusal, ..LabelPart::default() });
+        all.extend(outcome);
+    }
+    let refused = structure.parts.first().and_then(|largest| largest.refusal.clone());
+    if let (true, Some(refusal)) = (all.is_empty(), refused) {
+        return Err(refusal.into());
+    }
+    let measured = context.stage(Stage::Quality, || {
+        let answered: Vec<Answered<'_>> = all.iter().map(Answered::from).collect();
+        quality(&sent, &answered, context)
+    })?;
+    hand_out(all, measured, structure);
+    Ok(())
+}
+
+/// How many voxels of the file a part has.
+fn stored(part: &SentPart, sent: &Sent) -> u64 {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of voxels that are in memory")]
+    let voxels = (part.voxels as f64 * sent.stored_voxels).round() as u64;
+    voxels
+}
+
+/// What the stages make of a part, or why they make nothing of it. Of several parts, one that is refused is told as
+/// a warning.
+fn on_part(
+    part: &SentPart,
+    Part { number, of }: Part,
+    context: &Context<'_>,
+    structure: &mut Structure,
+) -> Result<Result<Worked, Refusal>, PipelineError> {
+    let own = context.of_part(number);
+    let outcome = worked(part, number, &own, structure);
+    let name = (of > 1).then(|| format!("part {number}"));
+    context.take_in(own.into_notes(), name.as_deref());
+    match outcome {
+        Ok(worked) => Ok(Ok(worked)),
+        Err(PipelineError::Refused(refusal)) => {
+            if of > 1 {
+                let message = format!("part {number}, of {} voxels, has no figures: {refusal}", part.voxels);
+                context.warn("part_refused", message);
+            }
+            Ok(Err(refusal))
+        }
+        Err(stop) => Err(stop),
+    }
+}
+
+/// All stages of one part but the last. Its outer surface is noted even if it is refused after that.
+fn worked(
+    part: &SentPart,
+    number: usize,
+    context: &Context<'_>,
+    structure: &mut Structure,
+) -> Result<Worked, PipelineError> {
+    let Masked { solid, object, changes } = context.stage(Stage::Mask, || masked(&part.native, context))?;
+    structure.object.append(object);
+    if structure.working_voxel_mm == 0.0 {
+        structure.working_voxel_mm = solid.voxel_mm;
+    }
     let depth = context.stage(Stage::Distance, || depth(&solid, context))?;
     let surface = context.stage(Stage::Skeleton, || medial_surface(&solid, &depth, context))?;
     let sheets = context.stage(Stage::Sheets, || sheets(&surface, &solid, &depth, context))?;
     let laid = context.stage(Stage::Isomap, || laid_flat(&surface, sheets, &solid, context))?;
     let sides = context.stage(Stage::Sides, || sides(&solid, &depth, &surface, &laid.sheets, context))?;
     let drafts = drafts(&solid, &depth, &sides, laid.flat, context)?;
-    let measured = context.stage(Stage::Quality, || quality(&solid, &depth, &drafts, laid.sheets.pruned, context))?;
-    hand_out(&solid, &surface, &laid.sheets, (&sides, &drafts), measured, structure);
-    Ok(())
+    Ok(Worked { part: number, solid, changes, depth, surface, sheets: laid.sheets, sides, drafts })
 }
 
 /// The figure of every sheet. A secondary sheet that has none is left out with a warning; without the main

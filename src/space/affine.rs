@@ -35,6 +35,33 @@ pub struct WorldFromVoxel {
     inverse: Matrix3<f64>,
 }
 
+/// Voxel coordinates of one grid from those of another. Where both lie in the world is not in it, but for rounding.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VoxelFromVoxel {
+    axes: Matrix3<f64>,
+    origin: Vector3<f64>,
+}
+
+impl VoxelFromVoxel {
+    /// Coordinates in the other grid.
+    #[must_use]
+    pub fn point(&self, voxel: Point3<f64>) -> Point3<f64> {
+        Point3::from(self.axes * voxel.coords + self.origin)
+    }
+
+    /// A displacement in the other grid.
+    #[must_use]
+    pub fn vector(&self, voxels: Vector3<f64>) -> Vector3<f64> {
+        self.axes * voxels
+    }
+
+    /// Edge of a voxel in voxels of the other grid, of grids with cubes for voxels.
+    #[must_use]
+    pub fn scale(&self) -> f64 {
+        self.axes.determinant().abs().cbrt()
+    }
+}
+
 impl WorldFromVoxel {
     /// From the upper three rows of a homogeneous matrix, `rows[r][c]`, in millimetres.
     ///
@@ -100,6 +127,15 @@ impl WorldFromVoxel {
     #[must_use]
     pub fn voxel(&self, world: WorldPoint) -> Point3<f64> {
         Point3::from(self.inverse * (world.coords - self.origin))
+    }
+
+    /// The way from these voxels to others.
+    #[must_use]
+    pub fn to(&self, other: &Self) -> VoxelFromVoxel {
+        if self == other {
+            return VoxelFromVoxel { axes: Matrix3::identity(), origin: Vector3::zeros() };
+        }
+        VoxelFromVoxel { axes: other.inverse * self.axes, origin: other.inverse * (self.origin - other.origin) }
     }
 
     /// Edge lengths of a voxel, mm.

@@ -7,7 +7,7 @@ mod grid;
 
 mod volume;
 
-pub use affine::{AffineError, WorldFromVoxel};
+pub use affine::{AffineError, VoxelFromVoxel, WorldFromVoxel};
 pub use grid::{Grid, VoxelIndex};
 pub(crate) use volume::ascending;
 pub use volume::{Label, LabelVolume, LabelVolumeError, VolumeNotice};

@@ -10,14 +10,15 @@ use medialrep::model::{
 use medialrep::params::Params;
 use medialrep::pipeline::draft::Draft;
 use medialrep::pipeline::quality::measures::FlatQuads;
-use medialrep::pipeline::quality::verdict::judge;
-use medialrep::pipeline::quality::{figure_quality, quality};
+use medialrep::pipeline::quality::verdict::{Places, judge};
+use medialrep::pipeline::quality::{Answered, figure_quality, quality};
+use medialrep::pipeline::solid::changes::Changes;
 use medialrep::pipeline::vectors::Nodes;
 use nalgebra::{Point2, Point3, Rotation3, Vector3};
 use serde_json::Value;
 
 use crate::help::models::{drafted, flat_slab, model};
-use crate::help::phantoms::{context, deepened, defaults, model_of, painted, params, sample, volume};
+use crate::help::phantoms::{context, deepened, defaults, model_of, painted, params, sample, sent, volume};
 
 const SIZE: LatticeSize = LatticeSize { rows: 4, cols: 5 };
 
@@ -153,7 +154,8 @@ fn a_sheet_stretched_on_one_half_has_the_logarithms_of_its_shares() {
 pub fn boxed(change: impl FnOnce(&mut Nodes)) -> (StructureQuality, FigureQuality) {
     let inside = |[i, j, k]: [usize; 3]| (4..28).contains(&i) && (4..34).contains(&j) && (4..16).contains(&k);
     let volume = painted([32, 38, 20], [1.0; 3], |at| u16::from(inside(at)));
-    let (solid, depth) = deepened(&volume);
+    let (params, (solid, depth)) = (defaults(), deepened(&volume));
+    let sent = sent(&volume, &context(&params));
     let middle = depth.skin.iter().map(|s| s.position.coords).sum::<Vector3<f64>>() / depth.skin.len() as f64;
     let mut nodes = flat_slab(SIZE);
     let here = nodes.medial.iter().map(|p| p.coords).sum::<Vector3<f64>>() / nodes.medial.len() as f64;
@@ -164,8 +166,10 @@ pub fn boxed(change: impl FnOnce(&mut Nodes)) -> (StructureQuality, FigureQualit
         }
     }
     change(&mut nodes);
-    let params = defaults();
-    let mut measured = quality(&solid, &depth, &[Some(drafted(nodes))], 0, &context(&params)).unwrap();
+    let (changes, draft) = (Changes::default(), drafted(nodes));
+    let answered =
+        Answered { part: 0, solid: &solid, depth: &depth, changes: &changes, drafts: vec![&draft], pruned: 0 };
+    let mut measured = quality(&sent, &[answered], &context(&params)).unwrap();
     (measured.structure, measured.figures.remove(0))
 }
 
@@ -249,7 +253,7 @@ fn judged(change: impl FnOnce(&mut StructureQuality)) -> StructureQuality {
     let coverage = Coverage { dice: 0.97, covered_share: 0.95, ..Coverage::default() };
     let mut quality = StructureQuality { coverage, ..StructureQuality::default() };
     change(&mut quality);
-    judge(&mut quality, &[FigureQuality { valid_share: 1.0, ..FigureQuality::default() }], 1.0);
+    judge(&mut quality, &[FigureQuality { valid_share: 1.0, ..FigureQuality::default() }], 1.0, &Places::default());
     quality
 }
 
@@ -302,7 +306,7 @@ fn thick_objects_are_judged_by_tenths_of_their_radius() {
         let mask_to_model = DistanceSummary { p95_mm: 6.0, ..DistanceSummary::default() };
         let coverage = Coverage { dice: 0.97, covered_share: 0.95, grain_mm, mask_to_model, ..Coverage::default() };
         let mut quality = StructureQuality { coverage, ..StructureQuality::default() };
-        judge(&mut quality, &[], 1.0);
+        judge(&mut quality, &[], 1.0, &Places::default());
         quality.verdict
     };
     assert_eq!([judged(1.0), judged(2.0)], [Verdict::Warn, Verdict::Pass]);

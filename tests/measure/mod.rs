@@ -10,6 +10,8 @@ pub mod accuracy;
 
 pub mod table;
 
+pub mod damage;
+
 use medialrep::model::Model;
 use medialrep::params::{GridChoice, Params};
 use medialrep::pipeline::observer::Silent;

@@ -159,8 +159,7 @@ fn sized(
     context: &Context<'_>,
 ) -> Result<(LatticeSize, Automatic), Cancelled> {
     let (size, choices) = automatic(flat, region, points, solid.voxel_mm, context)?;
-    let repeated = context.repeat.and_then(|repeat| repeat.sizes.get(number).copied());
-    Ok((repeated.unwrap_or(size), choices))
+    Ok((context.repeated_size(number).unwrap_or(size), choices))
 }
 
 /// A lattice over a region; with `spacing_mm`, laid again in the size at which its nodes are that far apart.

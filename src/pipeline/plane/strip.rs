@@ -126,8 +126,7 @@ pub fn widened(
     let strips = Strips::of(sheet, flat, cancel)?;
     let least_radius = LEAST_RADIUS * median(sheet.radii.clone()).unwrap_or(0.0);
     let added = each_number(flat.len(), POINTS_PER_TASK, |k| strips.beside(k, least_radius, depth), cancel)?;
-    let mut points =
-        SheetPoints::of(sheet, flat);
+    let mut points = SheetPoints::of(sheet, flat);
     for (flat, position, radius) in added.into_iter().flatten() {
         points.flat.push(flat);
         points.positions.push(position);

@@ -13,15 +13,29 @@ use crate::pipeline::vectors::Nodes;
 /// within 60° of its normal: a blunt rim is as near on both sides and says nothing. Zero of a perfect medial sheet, one of
 /// a node on the skin or outside. The vectors are not used: they need not be the shortest way.
 ///
+/// The node that is furthest off comes with it.
+///
 /// # Errors
 /// When it is cancelled.
-pub fn medial_offset(nodes: &Nodes, skin: &SkinSearch<'_>, cancel: &dyn Cancel) -> Result<MeanAndP95, Cancelled> {
+pub fn medial_offset(
+    nodes: &Nodes,
+    skin: &SkinSearch<'_>,
+    cancel: &dyn Cancel,
+) -> Result<(MeanAndP95, Option<usize>), Cancelled> {
     /// Nodes looked at; more say nothing new and cost time.
     const MOST: usize = 2000;
     let valid: Vec<usize> = (0..nodes.medial.len()).filter(|&n| nodes.valid[n]).collect();
     let step = valid.len().div_ceil(MOST).max(1);
-    let offsets = valid.par_iter().step_by(step).map(|&node| offset(nodes, node, skin, cancel));
-    Ok(MeanAndP95::of(offsets.collect::<Result<_, _>>()?))
+    let looked_at: Vec<usize> = valid.into_iter().step_by(step).collect();
+    let offsets = looked_at.par_iter().map(|&node| offset(nodes, node, skin, cancel));
+    let offsets: Vec<f64> = offsets.collect::<Result<_, _>>()?;
+    let mut worst: Option<usize> = None;
+    for (place, offset) in offsets.iter().enumerate() {
+        if worst.is_none_or(|other| *offset > offsets[other]) {
+            worst = Some(place);
+        }
+    }
+    Ok((MeanAndP95::of(offsets), worst.map(|place| looked_at[place])))
 }
 
 /// That of one node.

@@ -8,22 +8,29 @@ use rayon::prelude::*;
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::Shell;
 use crate::numerics::field::floor_index;
-use crate::space::Grid;
+use crate::space::{Grid, VoxelFromVoxel};
 
 /// Tetrahedra between two looks at whether to stop. From 64 to a million it takes the same time.
 const CUTS: usize = 1 << 10;
 
-/// The voxels whose centres lie in the cells and wedges of a figure.
+/// The voxels of a grid whose centres lie in the cells and wedges of a figure, which lies in the grid by `into_grid`.
 ///
 /// # Errors
 /// When it is cancelled.
-pub fn filled(dims: [usize; 3], shell: Shell<'_>, cancel: &dyn Cancel) -> Result<Grid<bool>, Cancelled> {
+pub fn filled(
+    dims: [usize; 3],
+    shell: Shell<'_>,
+    into_grid: &VoxelFromVoxel,
+    cancel: &dyn Cancel,
+) -> Result<Grid<bool>, Cancelled> {
     /// Planes of the grid that one thread takes at a time. From 1 to 64 it takes the same time.
     const PLANES: usize = 4;
     let mut cuts = Vec::new();
     for tetrahedra in tetrahedra(shell).chunks(CUTS) {
         cancel.check()?;
-        cuts.extend(tetrahedra.iter().filter_map(Cut::of));
+        for corners in tetrahedra {
+            cuts.extend(Cut::of(&corners.map(|corner| into_grid.point(corner))));
+        }
     }
     let mut grid = Grid::filled(dims, false);
     let slabs = grid.as_mut_slice().par_chunks_mut(PLANES * dims[0] * dims[1]).enumerate();

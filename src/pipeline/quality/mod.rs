@@ -1,12 +1,16 @@
 //! Stage `quality`, which the paper has not: how far a result can be trusted. Everything is measured on the nodes that are
-//! handed out, against the mask on the working grid.
+//! handed out, against the label as it was sent: all its voxels, whatever was dropped, filled or smoothed away.
 //!
 //! 1. Legality of every cell and wedge ([`legality`]) and self-intersections of the closed surface.
-//! 2. Fit: the solid that they fill against the mask (`coverage`), each figure against its share of it (`owners`).
+//! 2. Fit: the solid that they fill against the label (`coverage`), each part and figure against its share of it
+//!    (`owners`). Figures of several parts are compared in one space (`placed`).
 //! 3. Evenness of the lattice, and what its plane does to areas and angles (`measures`).
-//! 4. How well centred the medial nodes are (`centring`).
-//! 5. Of all figures of a structure, sums and the worst (`sums`).
-//! 6. The verdict, from a table of thresholds (`verdict`).
+//! 4. How well centred the medial nodes are (`centring`), and whether vectors stay in the label (`outside`).
+//! 5. What became of the label's voxels (`kept`).
+//! 6. Of all figures of a structure, sums and the worst (`sums`).
+//! 7. The verdict, from a table of thresholds (`verdict`).
+
+mod placed;
 
 mod coverage;
 
@@ -24,13 +28,18 @@ pub mod measures;
 
 mod centring;
 
+mod outside;
+
+mod kept;
+
 mod sums;
 
 pub mod verdict;
 
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::{
-    EmbeddingQuality, FigureQuality, LatticePlace, PerSurface, Repair, Shell, StructureQuality, closed,
+    Coverage, EmbeddingQuality, FigureQuality, LatticePlace, PerSurface, Repair, Shell, StructureQuality, WorldPlace,
+    closed,
 };
 use crate::numerics::triangles::self_intersections;
 use crate::pipeline::context::Context;
@@ -39,52 +48,107 @@ use crate::pipeline::plane::Flat;
 use crate::pipeline::plane::tangents::PlaneDistortion;
 use crate::pipeline::quality::centring::medial_offset;
 use crate::pipeline::quality::coverage::coverage;
+use crate::pipeline::quality::kept::{kept, kept_share};
 use crate::pipeline::quality::measures::{FlatQuads, spacing_variation};
+use crate::pipeline::quality::outside::outside_share;
+use crate::pipeline::quality::placed::placed;
 use crate::pipeline::quality::skin_search::SkinSearch;
 use crate::pipeline::quality::sums::summed;
-use crate::pipeline::quality::verdict::judge;
+use crate::pipeline::quality::verdict::{Places, judge};
 use crate::pipeline::solid::Solid;
+use crate::pipeline::solid::changes::Changes;
 use crate::pipeline::solid::depth::Depth;
-use crate::pipeline::vectors::Nodes;
+use crate::pipeline::solid::parts::Sent;
 use crate::pipeline::vectors::legality::{Illegal, Part, legality};
+
+/// A part of a label that has figures, as it is measured.
+pub struct Answered<'a> {
+    /// Which part of the label.
+    pub part: usize,
+    /// Its solid.
+    pub solid: &'a Solid,
+    /// The depth below its skin.
+    pub depth: &'a Depth,
+    /// What the solid lost and gained.
+    pub changes: &'a Changes,
+    /// Its figures.
+    pub drafts: Vec<&'a Draft>,
+    /// Sheets that were pruned.
+    pub pruned: usize,
+}
 
 /// How far the figures of a structure can be trusted, and the structure itself.
 #[derive(Clone, Debug, Default)]
 pub struct Measured {
     /// Of every figure.
     pub figures: Vec<FigureQuality>,
+    /// Of every answered part: the share of its voxels that its figures stand for, and how well they fit it.
+    pub parts: Vec<(f64, Coverage)>,
     /// Of all together.
     pub structure: StructureQuality,
 }
 
-/// Measures every figure by itself and against the mask, and judges the structure. Of a repeat only the vectors
+/// Measures every figure by itself and against the label, and judges the structure. Of a repeat only the vectors
 /// are wanted: nothing is measured.
 ///
 /// # Errors
 /// When it is cancelled.
-pub fn quality(
-    solid: &Solid,
-    depth: &Depth,
-    drafts: &[Option<Draft>],
-    pruned_sheets: usize,
-    context: &Context<'_>,
-) -> Result<Measured, Cancelled> {
-    if context.repeat.is_some() {
+pub fn quality(sent: &Sent, parts: &[Answered<'_>], context: &Context<'_>) -> Result<Measured, Cancelled> {
+    if context.repeat.is_some() || parts.is_empty() {
         return Ok(Measured::default());
     }
-    let mut measured = Measured::default();
-    let drafts: Vec<&Draft> = drafts.iter().flatten().collect();
-    for (number, draft) in drafts.iter().enumerate() {
-        measured.figures.push(figure_quality(draft, context)?);
-        context.advance(0.5 * (number + 1) as f64 / drafts.len() as f64);
+    let (mut figures, mut places) = (Vec::new(), Places::default());
+    for (number, answered) in parts.iter().enumerate() {
+        add_figures(answered, &mut figures, &mut places, context)?;
+        context.advance(0.5 * (number + 1) as f64 / parts.len() as f64);
     }
-    let nodes: Vec<&Nodes> = drafts.iter().map(|draft| &draft.nodes).collect();
-    measured.structure = structure_quality(solid, depth, &nodes, &mut measured.figures, context)?;
-    measured.structure.pruned_sheets = pruned_sheets;
-    if pruned_sheets > 0 {
-        context.warn("branches_pruned", format!("{pruned_sheets} small branches of the skeleton were pruned"));
+    let placed = placed(parts, &sent.whole);
+    for (quality, figure) in figures.iter_mut().zip(&placed) {
+        quality.outside_share = outside_share(&sent.whole.mask, figure, context)?;
     }
-    Ok(measured)
+    let numbers: Vec<usize> = parts.iter().map(|answered| answered.part).collect();
+    let unanswered = sent.surface_outside(&numbers, context)?;
+    let fits = coverage(&sent.whole, parts, &placed, &unanswered, context)?;
+    for (quality, coverage) in figures.iter_mut().zip(fits.figures) {
+        quality.coverage = coverage;
+    }
+    places.fit = fits.worst;
+    let mut structure = StructureQuality { coverage: fits.whole, worst_place: fits.worst, ..summed(&figures) };
+    structure.kept = kept(sent, parts, &unanswered, &mut places);
+    structure.pruned_sheets = parts.iter().map(|answered| answered.pruned).sum();
+    if structure.pruned_sheets > 0 {
+        let message = format!("{} small branches of the skeleton were pruned", structure.pruned_sheets);
+        context.warn("branches_pruned", message);
+    }
+    judge(&mut structure, &figures, parts[0].solid.voxel_mm, &places);
+    let shares = parts.iter().map(|answered| kept_share(sent, answered));
+    Ok(Measured { parts: shares.zip(fits.parts).collect(), figures, structure })
+}
+
+/// Adds what can be said of the figures of a part without the others, and where they are worst.
+fn add_figures(
+    answered: &Answered<'_>,
+    figures: &mut Vec<FigureQuality>,
+    places: &mut Places,
+    cancel: &dyn Cancel,
+) -> Result<(), Cancelled> {
+    let skin = SkinSearch::of(&answered.depth.skin, cancel)?;
+    for draft in &answered.drafts {
+        let mut quality = figure_quality(draft, cancel)?;
+        let (offset, furthest) = medial_offset(&draft.nodes, &skin, cancel)?;
+        quality.medial_offset = offset;
+        let place = |node: usize| WorldPlace {
+            figure: Some(figures.len()),
+            position: answered.solid.world_from_work.point(draft.nodes.medial[node]),
+        };
+        if figures.iter().all(|other| other.medial_offset.p95 < offset.p95) {
+            places.offset = furthest.map(place);
+        }
+        let folded = quality.folded_cells.first().or(quality.folded_wedges.first());
+        places.folded = places.folded.or(folded.map(|at| place(at.i * draft.nodes.size.cols + at.j)));
+        figures.push(quality);
+    }
+    Ok(())
 }
 
 /// What can be said of a figure by itself: legality of its parts, evenness of its lattice. How
@@ -139,24 +203,4 @@ fn places(parts: &[Illegal], kind: Part) -> Vec<LatticePlace> {
 fn crossings(shell: Shell<'_>, cancel: &dyn Cancel) -> Result<Option<usize>, Cancelled> {
     let Some(mesh) = closed(shell) else { return Ok(None) };
     self_intersections(&mesh.positions, &mesh.triangles, cancel).map(Some)
-}
-
-/// Quality of a structure from all its figures; what is measured against the mask is added to
-/// theirs.
-fn structure_quality(
-    solid: &Solid,
-    depth: &Depth,
-    figures: &[&Nodes],
-    qualities: &mut [FigureQuality],
-    cancel: &dyn Cancel,
-) -> Result<StructureQuality, Cancelled> {
-    let skin = SkinSearch::of(&depth.skin, cancel)?;
-    let (whole, each) = coverage(solid, &skin, figures, cancel)?;
-    for ((quality, coverage), nodes) in qualities.iter_mut().zip(each).zip(figures) {
-        quality.coverage = coverage;
-        quality.medial_offset = medial_offset(nodes, &skin, cancel)?;
-    }
-    let mut quality = StructureQuality { coverage: whole, ..summed(qualities) };
-    judge(&mut quality, qualities, solid.voxel_mm);
-    Ok(quality)
 }

@@ -1,34 +1,36 @@
-//! How much of the mask the cells and wedges of figures fill, and how much they fill beside it.
+//! How much of the label the cells and wedges of figures fill, and how much they fill beside it, by the centres of the
+//! label's own voxels.
 
-use nalgebra::Point3;
 use rayon::prelude::*;
 
 use super::fill::filled;
 use super::owners::Owners;
+use super::placed::Placed;
 use crate::cancel::{Cancel, Cancelled};
-use crate::pipeline::vectors::Nodes;
-use crate::space::Grid;
+use crate::numerics::field::centre;
+use crate::pipeline::solid::NativeMask;
+use crate::space::{Grid, VoxelFromVoxel, WorldFromVoxel};
 
-/// Dice of the mask with the union of all cells and wedges, and of each figure's share of the
-/// mask with its own.
+/// For each group of figures, Dice of what its figures fill with what of the label belongs to them.
 ///
 /// # Errors
 /// When it is cancelled.
 pub fn overlaps(
-    mask: &Grid<bool>,
-    figures: &[&Nodes],
-    owners: &Owners,
+    label: &NativeMask,
+    figures: &[Placed<'_>],
+    (groups, owners, common): (&[Vec<usize>], &Owners, &WorldFromVoxel),
     cancel: &dyn Cancel,
-) -> Result<(f64, Vec<f64>), Cancelled> {
+) -> Result<Vec<f64>, Cancelled> {
     let mut models = Vec::with_capacity(figures.len());
-    for nodes in figures {
-        models.push(filled(mask.dims(), (*nodes).into(), cancel)?);
+    for figure in figures {
+        models.push(filled(label.mask.dims(), figure.nodes.into(), &figure.into_label, cancel)?);
     }
-    let counter = Counter { mask, models: &models, owners, cancel };
-    let [_, ny, nz] = mask.dims();
+    let into_common = label.world_from_voxel.to(common);
+    let counter = Counter { mask: &label.mask, into_common, models: &models, groups, owners, cancel };
+    let [_, ny, nz] = label.mask.dims();
     let rows = (0..ny * nz).into_par_iter().with_min_len(64);
     let counts = rows.map(|row| counter.of_row(row)).try_reduce(|| counter.nothing(), |a, b| Ok(sum(a, &b)))?;
-    Ok((counts[0].dice(), counts[1..].iter().map(Overlap::dice).collect()))
+    Ok(counts.iter().map(Overlap::dice).collect())
 }
 
 /// Voxels of the mask, of the model, and of both.
@@ -55,36 +57,41 @@ impl Overlap {
 /// Counts voxels row by row.
 struct Counter<'a> {
     mask: &'a Grid<bool>,
+    into_common: VoxelFromVoxel,
     /// What each figure fills.
     models: &'a [Grid<bool>],
+    groups: &'a [Vec<usize>],
     owners: &'a Owners,
     cancel: &'a dyn Cancel,
 }
 
 impl Counter<'_> {
-    /// Of all figures together, and then of each.
+    /// Of each group.
     fn nothing(&self) -> Vec<Overlap> {
-        vec![Overlap::default(); 1 + self.models.len()]
+        vec![Overlap::default(); self.groups.len()]
     }
 
     /// Of a row of the grid, the same.
     fn of_row(&self, row: usize) -> Result<Vec<Overlap>, Cancelled> {
         self.cancel.check()?;
-        let [nx, ny, _] = self.mask.dims();
+        let nx = self.mask.dims()[0];
         let mut counts = self.nothing();
-        for i in 0..nx {
-            let voxel = row * nx + i;
-            let in_mask = self.mask.as_slice()[voxel];
-            counts[0].add(in_mask, self.models.iter().any(|model| model.as_slice()[voxel]));
-            if self.models.len() > 1 {
-                let at = Point3::new(i as f64, (row % ny) as f64, (row / ny) as f64);
-                let owner = in_mask.then(|| self.owners.of_point(at));
-                for (number, model) in self.models.iter().enumerate() {
-                    counts[number + 1].add(owner == Some(number), model.as_slice()[voxel]);
-                }
+        for voxel in row * nx..(row + 1) * nx {
+            let owner = self.mask.as_slice()[voxel].then(|| self.owner(voxel));
+            for (count, group) in counts.iter_mut().zip(self.groups) {
+                let in_mask = owner.is_some_and(|owner| group.contains(&owner));
+                count.add(in_mask, group.iter().any(|&figure| self.models[figure].as_slice()[voxel]));
             }
         }
         Ok(counts)
+    }
+
+    /// The figure that a voxel belongs to.
+    fn owner(&self, voxel: usize) -> usize {
+        if self.models.len() < 2 {
+            return 0;
+        }
+        self.owners.of_point(self.into_common.point(centre(self.mask.index(voxel))))
     }
 }
 

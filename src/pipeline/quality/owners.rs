@@ -3,12 +3,12 @@
 use nalgebra::Point3;
 use rayon::prelude::*;
 
+use super::placed::Placed;
 use super::samples::{bilinear, places_in};
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::Shell;
 use crate::numerics::balls::Balls;
 use crate::pipeline::solid::depth::SkinPoint;
-use crate::pipeline::vectors::Nodes;
 
 /// Distance between the balls that split the mask among figures, voxels. The split moves by less than a voxel with it,
 /// and the search is the slowest part of this stage. From 1 to 6, nothing of a whole structure changes, and no distance
@@ -29,12 +29,12 @@ impl Owners {
     ///
     /// # Errors
     /// When it is cancelled.
-    pub fn of(figures: &[&Nodes], cancel: &dyn Cancel) -> Result<Self, Cancelled> {
+    pub fn of(figures: &[Placed<'_>], cancel: &dyn Cancel) -> Result<Self, Cancelled> {
         let (mut balls, mut figure_of) = (Vec::new(), Vec::new());
         if figures.len() > 1 {
-            for (number, nodes) in figures.iter().enumerate() {
+            for (number, figure) in figures.iter().enumerate() {
                 cancel.check()?;
-                balls.extend(balls_of(nodes));
+                balls.extend(balls_of(figure));
                 figure_of.resize(balls.len(), number);
             }
         }
@@ -65,13 +65,14 @@ impl Owners {
     }
 }
 
-/// Inscribed balls all over the medial quads of a figure, their radii interpolated.
-fn balls_of(nodes: &Nodes) -> Vec<(Point3<f64>, f64)> {
-    let mut balls = Vec::new();
+/// Inscribed balls all over the medial quads of a figure, their radii interpolated, in the common space.
+fn balls_of(figure: &Placed<'_>) -> Vec<(Point3<f64>, f64)> {
+    let (nodes, into_common) = (figure.nodes, &figure.into_common);
+    let (mut balls, scale) = (Vec::new(), into_common.scale());
     for quad in Shell::from(nodes).quads() {
         let (corners, radii) = (quad.corners(&nodes.medial), quad.corners(&nodes.radii));
         for place in places_in(corners, BALL_STEP) {
-            balls.push((bilinear(corners, place), bilinear(radii, place)));
+            balls.push((into_common.point(bilinear(corners, place)), scale * bilinear(radii, place)));
         }
     }
     balls

@@ -17,6 +17,7 @@ pub fn summed(figures: &[FigureQuality]) -> StructureQuality {
         all.spacing_variation = worse(all.spacing_variation, figure.spacing_variation);
         widen_distortion(&mut all.distortion, figure.distortion);
         widen_share(&mut all.medial_offset, figure.medial_offset);
+        all.outside_share = worse(all.outside_share, figure.outside_share);
     }
     all
 }

@@ -49,7 +49,8 @@ pub(super) fn least_bending(
     let (mut before, mut ahead, mut pace) = (level.clone(), level, 1.0f32);
     for _ in 0..ROUNDS {
         cancel.check()?;
-        let moved: Vec<f32> = band.par_iter().with_min_len(1024).map(|cell| bending.step(cell, ahead.as_slice())).collect();
+        let moved: Vec<f32> =
+            band.par_iter().with_min_len(1024).map(|cell| bending.step(cell, ahead.as_slice())).collect();
         let next_pace = f32::midpoint(1.0, (1.0 + 4.0 * pace * pace).sqrt());
         let carry = (pace - 1.0) / next_pace;
         for (cell, moved) in band.iter().zip(moved) {

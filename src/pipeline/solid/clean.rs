@@ -2,40 +2,48 @@
 
 use super::SLICE;
 use crate::cancel::{Cancel, Cancelled};
-use crate::numerics::components::{Connectivity, components};
+use crate::model::Refusal;
+use crate::numerics::components::{Components, Connectivity, components};
+use crate::pipeline::PipelineError;
 use crate::pipeline::context::Context;
 use crate::space::Grid;
 
-/// A second part of at least this share of the largest is not a stray. It decides which of two warnings is given,
-/// nothing else.
-const PART_SHARE: f64 = 0.1;
+/// Voxels up to which a cavity, or a clump that was lost, may be noise: three along each axis. Smaller, two specks in a
+/// thin mask would make it hollow; larger, the lumen of a small organ would be filled, and a fin would be no loss.
+pub(super) const NOISE_VOXELS: usize = 27;
+/// Share of the object's voxels that its larger cavities may hold. Above it the object is hollow: filling a lumen that
+/// runs all through a slab makes it thicker by this share, and the lumen of an organ holds a fifth of its wall at the
+/// least. Below, marrow spaces and vessels that a segmenter left out of a solid organ would be refused.
+const HOLLOW_SHARE: f64 = 0.05;
 /// Level given to voxels that change sides: what half a voxel of depth has. With less the boundary would pass
 /// nearer to them than half-way, with more nearer to their neighbours.
 const DECIDED: f32 = 0.2;
 
-/// The largest part without cavities.
-pub(super) fn clean(mut mask: Grid<bool>, context: &Context<'_>) -> Result<Grid<bool>, Cancelled> {
-    let parts = components(&mask, true, Connectivity::Corners26, context)?;
-    let size = parts.sizes.iter().max().copied().unwrap_or(0);
-    let dropped = parts.set_all_but(parts.largest(), &mut mask, false);
-    if dropped > 0 {
-        let big = parts.sizes.iter().filter(|s| **s as f64 >= PART_SHARE * size as f64).count();
-        let code = if big > 1 { "several_parts" } else { "stray_voxels_dropped" };
-        let message = format!("kept the largest of {} parts; {dropped} voxels were dropped", parts.sizes.len());
-        context.warn(code, message);
-    }
-    let filled = fill_cavities(&mut mask, context)?;
+/// A part of a label without its cavities, which are filled with a warning.
+///
+/// # Errors
+/// [`Refusal::Hollow`] when they are large: then it is a wall round something else; when it is cancelled.
+pub(super) fn without_cavities(part: &Grid<bool>, context: &Context<'_>) -> Result<Grid<bool>, PipelineError> {
+    let background = components(part, false, Connectivity::Faces6, context)?;
+    refuse_if_hollow(part, &background)?;
+    let mut mask = part.clone();
+    let filled = background.set_all_but(background.of_first_voxel(), &mut mask, true);
     if filled > 0 {
-        let message = format!("filled cavities of {filled} voxels");
-        context.warn("cavities_filled", message);
+        context.warn("cavities_filled", format!("filled cavities of {filled} voxels"));
     }
     Ok(mask)
 }
 
-/// Fills background that is not joined by faces to the grid's first voxel, which is free.
-fn fill_cavities(mask: &mut Grid<bool>, cancel: &dyn Cancel) -> Result<usize, Cancelled> {
-    let background = components(mask, false, Connectivity::Faces6, cancel)?;
-    Ok(background.set_all_but(background.of_first_voxel(), mask, true))
+/// Refuses an object with large cavities. The first component of its background, which holds the grid's first voxel, is
+/// what lies round it.
+fn refuse_if_hollow(part: &Grid<bool>, background: &Components) -> Result<(), Refusal> {
+    let mut cavities = 0;
+    for size in background.sizes.iter().skip(1) {
+        cavities += if *size > NOISE_VOXELS { *size } else { 0 };
+    }
+    let own = part.as_slice().len() - background.sizes.iter().sum::<usize>();
+    let share = cavities as f64 / own.max(1) as f64;
+    if share > HOLLOW_SHARE { Err(Refusal::Hollow { voxels: cavities, share }) } else { Ok(()) }
 }
 
 /// The inside of the smoothed boundary, reduced to its largest part without cavities. The level
@@ -55,4 +63,10 @@ pub(super) fn keep_one_piece(level: &mut Grid<f32>, cancel: &dyn Cancel) -> Resu
         }
     }
     Ok(inside)
+}
+
+/// Fills background that is not joined by faces to the grid's first voxel, which is free.
+fn fill_cavities(mask: &mut Grid<bool>, cancel: &dyn Cancel) -> Result<usize, Cancelled> {
+    let background = components(mask, false, Connectivity::Faces6, cancel)?;
+    Ok(background.set_all_but(background.of_first_voxel(), mask, true))
 }

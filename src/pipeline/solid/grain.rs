@@ -372,7 +372,11 @@ fn rise(mask: &Grid<bool>, at: VoxelIndex, axis: usize, reach: usize) -> isize {
 }
 
 /// The mask on its own grain: one voxel in the middle of each block, with free ones around.
-pub(super) fn on_grain(native: NativeMask, grain: &[AxisGrain; 3], cancel: &dyn Cancel) -> Result<NativeMask, Cancelled> {
+pub(super) fn on_grain(
+    native: NativeMask,
+    grain: &[AxisGrain; 3],
+    cancel: &dyn Cancel,
+) -> Result<NativeMask, Cancelled> {
     if grain.iter().all(AxisGrain::is_stored) {
         return Ok(native);
     }
@@ -430,4 +434,14 @@ fn scaled(world_from_voxel: &WorldFromVoxel, grain: &[AxisGrain; 3], first: Poin
         [x * grain[0].factor, y * grain[1].factor, z * grain[2].factor, origin[r]]
     };
     WorldFromVoxel::from_rows([row(0), row(1), row(2)]).expect("axes stay as they are but for their length")
+}
+
+/// The grain along the axes of the file, mm.
+pub(super) fn grain_mm(stored: &NativeMask, grain: &[AxisGrain; 3]) -> [f64; 3] {
+    let spacing = stored.world_from_voxel.spacing_mm();
+    let mut grain_mm = spacing;
+    for axis in 0..3 {
+        grain_mm[stored.file_axes[axis]] = spacing[axis] * grain[axis].factor;
+    }
+    grain_mm
 }

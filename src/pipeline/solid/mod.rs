@@ -1,11 +1,13 @@
 //! Stages `mask` and `distance` (*binary mask* in the paper's figure 2): one label of the volume as a clean solid on an isotropic
 //! working grid, with a sub-voxel boundary.
 //!
-//! 1. The label's box is cut out, its axes in the order of the world ([`cut_out`]).
-//! 2. The largest part is kept, cavities are filled (`clean`).
+//! 1. The label's box is cut out, its axes in the order of the world ([`cut_out`]), and taken apart ([`parts`]); what
+//!    follows is done with each part.
+//! 2. Small cavities are filled (`clean`).
 //! 3. It is brought to an isotropic grid by its signed distance (`resample`), unless it is on one.
 //! 4. Smoothing makes a level of it that is 0 on the sub-voxel boundary.
-//! 5. A repeat of the uncertainty moves the boundary (`perturb`).
+//! 5. What that lost of the part, and what it gained, is counted ([`changes`]).
+//! 6. A repeat of the uncertainty moves the boundary (`perturb`).
 //!
 //! The stage that follows takes the skin and the depth of every voxel below it ([`depth`]).
 //!
@@ -18,6 +20,8 @@
 
 pub mod cut_out;
 
+pub mod parts;
+
 pub(crate) mod clean;
 
 mod working_grid;
@@ -28,6 +32,8 @@ mod bending;
 
 mod resample;
 
+pub mod changes;
+
 mod perturb;
 
 pub(crate) mod senses;
@@ -37,10 +43,9 @@ pub mod depth;
 use nalgebra::Point3;
 use rayon::prelude::*;
 
-use self::clean::{clean, keep_one_piece};
-use self::cut_out::{Label, cut_out, warn_if_cut};
+use self::changes::Changes;
+use self::clean::{keep_one_piece, without_cavities};
 use self::perturb::perturbed;
-use self::grain::{AxisGrain, grain, on_grain};
 use self::resample::resample;
 use self::senses::Senses;
 use self::working_grid::{WorkingGrid, embed};
@@ -54,7 +59,7 @@ use crate::numerics::surface_nets::zero_surface;
 use crate::numerics::topology::euler_number;
 use crate::pipeline::PipelineError;
 use crate::pipeline::context::Context;
-use crate::space::{Grid, LabelVolume, WorldFromVoxel, WorldPoint};
+use crate::space::{Grid, WorldFromVoxel, WorldPoint};
 
 /// Standard deviation of the smoothing that turns voxels into a sub-voxel boundary, working
 /// voxels. Below 0.7 the staircase stays; above 1.2 edges round off by more than a tenth.
@@ -66,29 +71,25 @@ const SHAPE_SIGMA: f64 = 0.7;
 /// some ten to a hundred microseconds. Fewer are not worth handing over, many more would make a stop wait.
 const SLICE: usize = 1 << 16;
 
-/// A label as a solid.
+/// A part of a label as a solid.
 #[derive(Clone, Debug)]
 pub struct Solid {
     /// Inside of the sub-voxel boundary: one 26-component without cavities.
     pub inside: Grid<bool>,
-    /// The mask itself on the working grid, for the quality measures.
-    pub mask: Grid<bool>,
     /// Positive inside, 0 on the sub-voxel boundary, without a unit.
     pub level: Field,
     /// World position of work space.
     pub world_from_work: WorldFromVoxel,
     /// Edge of a working voxel, mm.
     pub voxel_mm: f64,
-    /// Edges of the voxels that the mask was made on, along the axes of the file, mm.
-    pub grain_mm: [f64; 3],
-    /// The mask on its own voxels, before any resampling.
+    /// The mask on its own voxels, without cavities, before any resampling.
     pub native: NativeMask,
     /// Which way is positive in the world.
     pub senses: Senses,
 }
 
-/// A label as it was cut out of the volume: cleaned, with one free voxel all around, its axes in
-/// the order of the world.
+/// Voxels of a label as they were cut out of the volume: with one free voxel all around, their axes in the order of the
+/// world.
 #[derive(Clone, Debug)]
 pub struct NativeMask {
     /// The voxels.
@@ -99,44 +100,29 @@ pub struct NativeMask {
     pub file_axes: [usize; 3],
 }
 
-impl NativeMask {
-    /// The grain along the axes of the file, mm.
-    fn grain_mm(&self, grain: &[AxisGrain; 3]) -> [f64; 3] {
-        let mut grain_mm = self.world_from_voxel.spacing_mm();
-        for (axis, spacing) in self.world_from_voxel.spacing_mm().into_iter().enumerate() {
-            grain_mm[self.file_axes[axis]] = spacing * grain[axis].factor;
-        }
-        grain_mm
-    }
-}
-
-/// What the first stage makes of a label.
+/// What the first stage makes of a part of a label.
 #[derive(Clone, Debug)]
 pub struct Masked {
     /// The solid.
     pub solid: Solid,
     /// The smooth outer surface of the mask, in the world; empty in a repeat.
     pub object: TriangleMesh,
+    /// What the solid has lost and gained; nothing in a repeat.
+    pub changes: Changes,
 }
 
-/// Cuts a label out, cleans it, and brings it to an isotropic grid with a sub-voxel boundary.
+/// Brings a part of a label to an isotropic grid with a sub-voxel boundary.
 ///
-/// Keeps the largest 26-component and fills cavities, both with a warning. The working voxel is
-/// `resolution_mm`, or the finest spacing of the mask.
+/// Small cavities are filled, with a warning. The working voxel is `resolution_mm`, or the finest spacing of the mask.
 ///
 /// # Errors
-/// [`Refusal::TooLarge`] when the working grid would be, [`Refusal::TooThin`] when nothing is
-/// left of the object on it; when it is cancelled.
-pub fn masked(volume: &LabelVolume, label: Label, context: &Context<'_>) -> Result<Masked, PipelineError> {
-    warn_if_cut(volume, label, context);
-    let stored = cut_out(volume, label, context)?;
-    let grain = grain(&stored.mask, context)?;
-    let grain_mm = stored.grain_mm(&grain);
-    let mut native = on_grain(stored, &grain, context)?;
-    let plan = WorkingGrid::plan(&native, context.params.resolution_mm);
+/// [`Refusal::TooLarge`] when the working grid would be, [`Refusal::Hollow`] of a part with large cavities,
+/// [`Refusal::TooThin`] when nothing is left of it on the grid; when it is cancelled.
+pub fn masked(part: &NativeMask, context: &Context<'_>) -> Result<Masked, PipelineError> {
+    let plan = WorkingGrid::plan(part, context.params.resolution_mm);
     plan.check_size()?;
     context.advance(0.2);
-    native.mask = clean(native.mask, context)?;
+    let native = NativeMask { mask: without_cavities(&part.mask, context)?, ..*part };
     context.advance(0.4);
     let (mask, mut level) = if plan.is_native {
         let (mask, soft) = embed(&native.mask, &plan, context)?;
@@ -156,11 +142,13 @@ pub fn masked(volume: &LabelVolume, label: Label, context: &Context<'_>) -> Resu
     context.advance(0.8);
     let WorkingGrid { world_from_work, voxel_mm, .. } = plan;
     let senses = Senses::of(&inside, &world_from_work, context)?;
-    let solid = Solid { inside, mask, level, world_from_work, voxel_mm, grain_mm, native, senses };
-    Ok(match context.repeat {
-        Some(repeat) => Masked { solid: perturbed(solid, repeat.number, context)?, object: TriangleMesh::default() },
-        None => Masked { object: object_mesh(&solid, context)?, solid },
-    })
+    let solid = Solid { inside, level, world_from_work, voxel_mm, native, senses };
+    if let Some(repeat) = context.repeat {
+        let solid = perturbed(solid, repeat.number, context)?;
+        return Ok(Masked { solid, object: TriangleMesh::default(), changes: Changes::default() });
+    }
+    let changes = Changes::of(part, &solid, context)?;
+    Ok(Masked { object: object_mesh(&solid, context)?, solid, changes })
 }
 
 /// The level that is 0 on the boundary of soft voxels.

@@ -5,8 +5,8 @@ use medialrep::model::FrameFacts;
 use medialrep::model::LatticeSize;
 use medialrep::model::Refusal;
 use medialrep::model::{
-    Coverage, Figure, FigureQuality, FlatPoints, Junction, LatticePlace, Model, PerSurface, Pruning, Reason, Repair,
-    Sheet, Side, StageTimings, Structure, StructureQuality, TriangleMesh, Verdict, ring,
+    Coverage, Figure, FigureQuality, FlatPoints, Junction, LabelPart, LatticePlace, Model, PerSurface, Pruning, Reason,
+    Repair, Sheet, Side, StageTimings, Structure, StructureQuality, TriangleMesh, Verdict, ring,
 };
 use medialrep::model::{Stage, Warning};
 use medialrep::params::Params;
@@ -54,6 +54,7 @@ pub fn bent_slab(grid: LatticeSize) -> Sheet {
         },
         automatic: Automatic { length_mm: 35.0, width_mm: 25.0, ..Automatic::default() },
         uncertainty: None,
+        part: 0,
         medial,
         upper,
         lower,
@@ -90,8 +91,13 @@ pub fn outward(size: LatticeSize, node: usize) -> Vector3<f64> {
 
 /// A structure of that figure with a tetrahedron as its object.
 pub fn structure(label: i64, sheets: Vec<Sheet>) -> Structure {
-    let reason =
-        Reason { code: "few_nodes".into(), message: "few nodes".to_owned(), value: 0.1 + 0.2, threshold: f64::NAN };
+    let reason = Reason {
+        code: "few_nodes".into(),
+        message: "few nodes".to_owned(),
+        value: 0.1 + 0.2,
+        threshold: f64::NAN,
+        place: None,
+    };
     Structure {
         label,
         name: None,
@@ -100,6 +106,7 @@ pub fn structure(label: i64, sheets: Vec<Sheet>) -> Structure {
         volume_mm3: 3600.0,
         working_voxel_mm: 1.0,
         grain_mm: [1.0; 3],
+        parts: vec![LabelPart { voxels: 3600, figures: (0..sheets.len()).collect(), ..LabelPart::default() }],
         figures: sheets.into_iter().map(Figure::Sheet).collect(),
         junctions: vec![Junction { figures: vec![0], points: vec![WorldPoint::new(1.0, 2.0, 3.0)] }],
         pruning: Pruning { strength: 0.5, loss_needed: 0.03, pruned: 0 },

@@ -7,6 +7,7 @@ use medialrep::pipeline::context::Context;
 use medialrep::pipeline::observer::Silent;
 use medialrep::pipeline::solid::cut_out::{Label, label_boxes};
 use medialrep::pipeline::solid::depth::{Depth, depth};
+use medialrep::pipeline::solid::parts::Sent;
 use medialrep::pipeline::solid::{Masked, Solid, masked};
 use medialrep::pipeline::{PipelineError, run};
 use medialrep::samples::{Sample, by_name};
@@ -55,12 +56,18 @@ pub fn context(params: &CheckedParams) -> Context<'_> {
     Context::new(params, &Silent, 0, 1)
 }
 
+/// Label 1 as it was sent.
+pub fn sent(volume: &LabelVolume, context: &Context<'_>) -> Sent {
+    let bounds = label_boxes(volume, context).expect("not cancelled")[1].expect("label 1 is there");
+    Sent::of(volume, Label { index: 1, bounds }, context).expect("not cancelled")
+}
+
 /// The stages up to the depth, of label 1.
 pub fn deepened(volume: &LabelVolume) -> (Solid, Depth) {
     let params = defaults();
     let context = context(&params);
-    let bounds = label_boxes(volume, &context).expect("not cancelled")[1].expect("label 1 is there");
-    let Masked { solid, .. } = masked(volume, Label { index: 1, bounds }, &context).expect("a solid");
+    let sent = sent(volume, &context);
+    let Masked { solid, .. } = masked(&sent.parts[0].native, &context).expect("a solid");
     let depth = depth(&solid, &context).expect("not cancelled");
     (solid, depth)
 }

@@ -24,6 +24,9 @@ pub struct SheetDoc {
     pub index: usize,
     #[serde(default)]
     pub kind: SheetKind,
+    /// Which of the structure's `parts` it belongs to.
+    #[serde(default)]
+    pub part: usize,
     pub grid: GridDoc,
     pub medial: Vec<[Rounded; 3]>,
     pub upper: Vec<[Rounded; 3]>,
@@ -115,6 +118,7 @@ impl SheetDoc {
         Self {
             index,
             kind: SheetKind::Sheet,
+            part: sheet.part,
             grid: sheet.grid.into(),
             medial: triples(&sheet.medial),
             upper: triples(&sheet.upper),

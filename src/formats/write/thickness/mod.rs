@@ -20,7 +20,7 @@ use super::colors::hex_color;
 use super::ordered::Ordered;
 use super::rounded::{Rounded, triples};
 use crate::formats::params_json::params_to_json;
-use crate::model::{Junction, Model, Stage, StageTimings, Structure, Warning};
+use crate::model::{Junction, Model, Refusal, Stage, StageTimings, Structure, Warning};
 
 pub use super::ordered::Ordered as Named;
 pub use super::rounded::Rounded as Number;
@@ -30,8 +30,8 @@ pub use evidence::{
 };
 pub use figure::{FigureDoc, GridDoc, LengthDoc, SheetDoc, SheetKind, Sides, SummaryDoc, ThicknessDoc};
 pub use quality::{
-    CoverageDoc, DistanceDoc, DistortionDoc, EmbeddingDoc, FigureQualityDoc, MeanDoc, PlaceDoc, QualityDoc, ReasonDoc,
-    ThresholdDoc,
+    CoverageDoc, DistanceDoc, DistortionDoc, EmbeddingDoc, FigureQualityDoc, KeptDoc, MeanDoc, PlaceDoc, QualityDoc,
+    ReasonDoc, ThresholdDoc, WorldPlaceDoc,
 };
 pub use surfaces::Surfaces;
 
@@ -128,6 +128,15 @@ pub struct StructureDoc {
     pub color: Option<String>,
     pub voxels: u64,
     pub volume_mm3: Rounded,
+    /// Voxels that the figures stand for, over those sent.
+    #[serde(default)]
+    pub kept_share: Option<Rounded>,
+    /// How many parts of the label have figures.
+    #[serde(default)]
+    pub components: usize,
+    /// The parts that were worked on.
+    #[serde(default)]
+    pub parts: Vec<PartDoc>,
     pub working_voxel_mm: Rounded,
     #[serde(default)]
     pub grain_mm: [Rounded; 3],
@@ -159,6 +168,22 @@ pub struct RefusalDoc {
     pub code: String,
     pub message: String,
     pub hint: String,
+}
+
+/// A part of the label that touches no other.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs, reason = "fields are those of LabelPart")]
+pub struct PartDoc {
+    pub index: usize,
+    pub voxels: u64,
+    /// Indices of its figures.
+    pub figures: Vec<usize>,
+    pub kept_share: Rounded,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refusal: Option<RefusalDoc>,
+    pub thickness_summary: SummaryDoc,
+    #[serde(flatten)]
+    pub coverage: CoverageDoc,
 }
 
 /// A hinge.
@@ -263,6 +288,9 @@ impl StructureDoc {
             color: structure.color.map(hex_color),
             voxels: structure.voxels,
             volume_mm3: Rounded(structure.volume_mm3),
+            kept_share: structure.refusal.is_none().then_some(Rounded(structure.quality.kept.kept)),
+            components: structure.components(),
+            parts: structure.parts.iter().enumerate().map(|(n, _)| PartDoc::of(structure, n)).collect(),
             working_voxel_mm: Rounded(structure.working_voxel_mm),
             grain_mm: structure.grain_mm.map(Rounded),
             resolved: ResolvedDoc {
@@ -270,11 +298,7 @@ impl StructureDoc {
                 resolution_mm: Rounded(structure.working_voxel_mm),
             },
             automatic: structure.into(),
-            refusal: structure.refusal.as_ref().map(|refusal| RefusalDoc {
-                code: refusal.code().to_owned(),
-                message: refusal.to_string(),
-                hint: refusal.hint(),
-            }),
+            refusal: structure.refusal.as_ref().map(RefusalDoc::from),
             figures: figures.map(|(index, figure)| FigureDoc::of(index, figure)).collect(),
             junctions: structure.junctions.iter().map(JunctionDoc::from).collect(),
             thickness_summary: structure.thickness_summary().into(),
@@ -282,6 +306,27 @@ impl StructureDoc {
             warnings: structure.warnings.iter().map(WarningDoc::from).collect(),
             timings_ms: timings(&structure.timings),
         }
+    }
+}
+
+impl PartDoc {
+    fn of(structure: &Structure, index: usize) -> Self {
+        let part = &structure.parts[index];
+        Self {
+            index,
+            voxels: part.voxels,
+            figures: part.figures.clone(),
+            kept_share: Rounded(part.kept_share),
+            refusal: part.refusal.as_ref().map(RefusalDoc::from),
+            thickness_summary: structure.part_thickness(index).into(),
+            coverage: part.coverage.into(),
+        }
+    }
+}
+
+impl From<&Refusal> for RefusalDoc {
+    fn from(refusal: &Refusal) -> Self {
+        Self { code: refusal.code().to_owned(), message: refusal.to_string(), hint: refusal.hint() }
     }
 }
 

@@ -3,11 +3,11 @@
 use serde::{Deserialize, Serialize};
 
 use super::super::ordered::Ordered;
-use super::super::rounded::Rounded;
+use super::super::rounded::{Rounded, triple};
 use super::surfaces::Surfaces;
 use crate::model::{
-    Coverage, DistanceSummary, Distortion, EmbeddingQuality, FigureQuality, LatticePlace, MeanAndP95, Reason,
-    StructureQuality, Threshold,
+    Coverage, DistanceSummary, Distortion, EmbeddingQuality, FigureQuality, Kept, LatticePlace, MeanAndP95, Reason,
+    StructureQuality, Threshold, WorldPlace,
 };
 
 /// `quality` of a figure.
@@ -32,6 +32,8 @@ pub struct FigureQualityDoc {
     pub distortion: DistortionDoc,
     pub medial_offset: MeanDoc,
     pub valid_share: Rounded,
+    #[serde(default)]
+    pub outside_share: Rounded,
 }
 
 /// How truly a surface was laid flat.
@@ -75,6 +77,33 @@ pub struct QualityDoc {
     pub distortion: DistortionDoc,
     pub medial_offset: MeanDoc,
     pub pruned_sheets: usize,
+    #[serde(default)]
+    pub kept: Option<KeptDoc>,
+    #[serde(default)]
+    pub outside_share: Rounded,
+    #[serde(default)]
+    pub worst_place: Option<WorldPlaceDoc>,
+}
+
+/// What became of the label's voxels, as shares of those that were sent.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs, reason = "fields are those of Kept")]
+pub struct KeptDoc {
+    pub kept_share: Rounded,
+    pub dropped_share: Rounded,
+    pub refused_share: Rounded,
+    pub lost_share: Rounded,
+    pub thin_share: Rounded,
+    pub filled_share: Rounded,
+    pub closed_share: Rounded,
+}
+
+/// Where something is, in the world.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs, reason = "fields are those of WorldPlace")]
+pub struct WorldPlaceDoc {
+    pub figure: Option<usize>,
+    pub position: [Rounded; 3],
 }
 
 /// Why the verdict is not a pass.
@@ -85,6 +114,8 @@ pub struct ReasonDoc {
     pub message: String,
     pub value: Rounded,
     pub threshold: Rounded,
+    #[serde(default)]
+    pub place: Option<WorldPlaceDoc>,
 }
 
 /// The fit to the mask.
@@ -94,6 +125,8 @@ pub struct CoverageDoc {
     pub dice: Rounded,
     pub grain_mm: Rounded,
     pub covered_share: Rounded,
+    #[serde(default)]
+    pub far_share: Rounded,
     pub mask_to_model: DistanceDoc,
     pub model_to_mask: DistanceDoc,
 }
@@ -154,6 +187,7 @@ impl From<&FigureQuality> for FigureQualityDoc {
             distortion: quality.distortion.into(),
             medial_offset: quality.medial_offset.into(),
             valid_share: Rounded(quality.valid_share),
+            outside_share: Rounded(quality.outside_share),
         }
     }
 }
@@ -195,6 +229,9 @@ impl From<&StructureQuality> for QualityDoc {
             distortion: quality.distortion.into(),
             medial_offset: quality.medial_offset.into(),
             pruned_sheets: quality.pruned_sheets,
+            kept: (!quality.thresholds.is_empty()).then_some((&quality.kept).into()),
+            outside_share: Rounded(quality.outside_share),
+            worst_place: quality.worst_place.as_ref().map(WorldPlaceDoc::from),
         }
     }
 }
@@ -206,6 +243,27 @@ impl From<&Reason> for ReasonDoc {
             message: reason.message.clone(),
             value: Rounded(reason.value),
             threshold: Rounded(reason.threshold),
+            place: reason.place.as_ref().map(WorldPlaceDoc::from),
+        }
+    }
+}
+
+impl From<&WorldPlace> for WorldPlaceDoc {
+    fn from(place: &WorldPlace) -> Self {
+        Self { figure: place.figure, position: triple(place.position.coords) }
+    }
+}
+
+impl From<&Kept> for KeptDoc {
+    fn from(kept: &Kept) -> Self {
+        Self {
+            kept_share: Rounded(kept.kept),
+            dropped_share: Rounded(kept.dropped),
+            refused_share: Rounded(kept.refused),
+            lost_share: Rounded(kept.lost),
+            thin_share: Rounded(kept.thin),
+            filled_share: Rounded(kept.filled),
+            closed_share: Rounded(kept.closed),
         }
     }
 }
@@ -227,6 +285,7 @@ impl From<Coverage> for CoverageDoc {
             dice: Rounded(coverage.dice),
             grain_mm: Rounded(coverage.grain_mm),
             covered_share: Rounded(coverage.covered_share),
+            far_share: Rounded(coverage.far_share),
             mask_to_model: coverage.mask_to_model.into(),
             model_to_mask: coverage.model_to_mask.into(),
         }

@@ -1,0 +1,79 @@
+//! Figures of several parts of a label, each with the ways from its work space to what they are held against together:
+//! the label's own voxels, and the work space of the first part, in which lengths are compared.
+
+use nalgebra::{Point3, Vector3};
+
+use super::Answered;
+use crate::pipeline::solid::NativeMask;
+use crate::pipeline::solid::depth::SkinPoint;
+use crate::pipeline::vectors::Nodes;
+use crate::space::{VoxelFromVoxel, WorldFromVoxel, WorldPoint};
+
+/// A figure and where it lies.
+pub struct Placed<'a> {
+    /// Its nodes, in the work space of its part.
+    pub nodes: &'a Nodes,
+    /// Which of the answered parts it belongs to.
+    pub part: usize,
+    /// From there to the first part's work space.
+    pub into_common: VoxelFromVoxel,
+    /// From there to the voxels of the label.
+    pub into_label: VoxelFromVoxel,
+}
+
+/// The figures of all parts in their order.
+#[must_use]
+pub fn placed<'a>(parts: &[Answered<'a>], label: &NativeMask) -> Vec<Placed<'a>> {
+    let mut all = Vec::new();
+    for (part, answered) in parts.iter().enumerate() {
+        let work = &answered.solid.world_from_work;
+        for draft in &answered.drafts {
+            all.push(Placed {
+                nodes: &draft.nodes,
+                part,
+                into_common: work.to(common(parts)),
+                into_label: work.to(&label.world_from_voxel),
+            });
+        }
+    }
+    all
+}
+
+/// The work space that all are compared in.
+#[must_use]
+pub fn common<'a>(parts: &[Answered<'a>]) -> &'a WorldFromVoxel {
+    &parts[0].solid.world_from_work
+}
+
+/// What is known of the label's surface, in the common space: the skin of every part's solid, and the surface that the
+/// label has beside them.
+#[must_use]
+pub fn whole_skin(parts: &[Answered<'_>], unanswered: &[WorldPoint]) -> Vec<SkinPoint> {
+    let common = common(parts);
+    let mut skin = Vec::new();
+    for answered in parts {
+        let into_common = answered.solid.world_from_work.to(common);
+        for point in &answered.depth.skin {
+            skin.push(moved(*point, &into_common));
+        }
+        for place in &answered.changes.surface {
+            skin.push(without_normal(common.voxel(*place)));
+        }
+    }
+    for place in unanswered {
+        skin.push(without_normal(common.voxel(*place)));
+    }
+    skin
+}
+
+/// A point of a surface in another space.
+#[must_use]
+pub fn moved(point: SkinPoint, into: &VoxelFromVoxel) -> SkinPoint {
+    let normal = into.vector(point.normal).try_normalize(0.0).unwrap_or(point.normal);
+    SkinPoint { position: into.point(point.position), normal }
+}
+
+/// A voxel of the surface, of which no normal is known.
+fn without_normal(position: Point3<f64>) -> SkinPoint {
+    SkinPoint { position, normal: Vector3::z() }
+}
