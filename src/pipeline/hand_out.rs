@@ -10,7 +10,7 @@ use super::quality::measures::FlatQuads;
 use super::sheets::Sheets;
 use super::sides::SheetSides;
 use super::solid::Solid;
-use crate::model::{Figure, FigureQuality, FlatPoints, Junction, PerSurface, Sheet, Structure};
+use crate::model::{Figure, FigureQuality, Flanks, FlatPoints, Junction, PerSurface, Sheet, Structure};
 use crate::space::ParamPoint;
 
 /// Writes the figures of a structure, their junctions and qualities into it.
@@ -47,7 +47,9 @@ fn figure(solid: &Solid, sheet: &SheetSides, draft: &Draft, quality: FigureQuali
         upper: solid.in_world(&nodes.upper),
         lower: solid.in_world(&nodes.lower),
         crest: solid.in_world(&nodes.crest),
+        flanks: flanks_in_world(solid, &nodes.flanks),
         valid: nodes.valid.clone(),
+        repaired: nodes.repaired.clone(),
         medial_radius_mm: nodes.radii.iter().map(|r| r * mm).collect(),
         area_distortion: FlatQuads::from(nodes).log_ratio_per_node(),
         intrinsic: nodes.intrinsic.map(|points| in_mm(points, mm)),
@@ -63,6 +65,14 @@ fn figure(solid: &Solid, sheet: &SheetSides, draft: &Draft, quality: FigureQuali
         automatic: choices.clone(),
         uncertainty: None,
     }
+}
+
+fn flanks_in_world(solid: &Solid, flanks: &[Flanks]) -> Vec<Flanks> {
+    let mut all = Vec::with_capacity(flanks.len());
+    for flanks in flanks {
+        all.push(flanks.map(|flank| flank.map(|point| solid.world_from_work.point(point))));
+    }
+    all
 }
 
 /// The points of a surface and where they were laid.

@@ -34,6 +34,10 @@ const OFFSET: (f64, f64) = (0.10, 0.40);
 /// of a vertebra. With more than half of them off, what is left is no lattice of the sheet.
 const INVALID: (f64, f64) = (0.0, 0.5);
 
+/// Share of the nodes that repair spoilt: cut short, moved off the sheet or merged. Straps, muscles and slabs have up to
+/// 0.02; above it the lattice is more the repair's than the organ's, and lengths are those of neither.
+const MARRED: f64 = 0.05;
+
 /// What a measure is called in a reason.
 struct Wording {
     threshold: Threshold,
@@ -82,6 +86,7 @@ fn table(quality: &StructureQuality, figures: &[FigureQuality], voxel_mm: f64) -
     let wedges = "the crest is turned over: the number of its wedges";
     let crossings = "the closed surface runs through itself: the number of pairs of triangles";
     let shortened = "vectors were cut short of the surface so that none cross: the number of their nodes";
+    let marred = "share of nodes cut short, moved off the sheet or merged so that no vectors cross";
     let turned_over = "share of a surface that lies turned over where it was laid flat";
     vec![
         row("folds", folds, quality.folds as f64).failed_above(0.0),
@@ -90,6 +95,7 @@ fn table(quality: &StructureQuality, figures: &[FigureQuality], voxel_mm: f64) -
         row("folded_wedges", wedges, quality.folded_wedges as f64).failed_above(0.0),
         row("self_intersections", crossings, quality.self_intersections.unwrap_or(0) as f64).warned_above(0.0),
         row("shortened_nodes", shortened, quality.repair.shortened_nodes as f64).warned_above(0.0),
+        row("repaired_share", marred, quality.repair.marred_share()).failed_above(MARRED),
         row("dice", "overlap of the cells with the mask", fit.dice).bad_below(DICE),
         row("covered_share", "share of the mask's surface covered", fit.covered_share).bad_below(COVERED),
         row("surface_distance", "95 % distance from the mask's surface, in voxels or tenths of the radius", far)
