@@ -4,8 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use super::automatic::Automatic;
 use super::frame::FrameFacts;
-use super::lattice::LatticeSize;
-use super::quality::FigureQuality;
+use super::lattice::{LatticeSize, ring};
+use super::quality::{FigureQuality, NodeRepair};
+use super::shell::{Flanks, Shell};
 use super::side::{PerSurface, Side};
 use super::uncertainty::Uncertainty;
 use crate::space::{ParamPoint, WorldPoint, WorldVector};
@@ -31,8 +32,12 @@ pub struct Sheet {
     pub lower: Vec<WorldPoint>,
     /// Crest points, one per node of the lattice edge in the order of [`ring`](super::ring).
     pub crest: Vec<WorldPoint>,
+    /// The flanks of the arc through each.
+    pub flanks: Vec<Flanks>,
     /// Whether a node lies on the sheet (always, for the fitted lattice).
     pub valid: Vec<bool>,
+    /// What was done to each node so that no vectors cross.
+    pub repaired: Vec<Option<NodeRepair>>,
     /// Radius of the largest ball inside the object centred at a medial node, mm.
     pub medial_radius_mm: Vec<f64>,
     /// Natural logarithm of (share of the medial sheet's area in space) / (share in the intrinsic
@@ -95,6 +100,18 @@ impl Sheet {
             Side::Upper => &self.upper,
             Side::Lower => &self.lower,
         }
+    }
+
+    /// The arc over each crest point, in their order: the points on the way from the upper to the lower node,
+    /// these two not among them. The one in the middle is the crest point.
+    #[must_use]
+    pub fn crest_arcs(&self) -> Vec<Vec<WorldPoint>> {
+        let mut arcs = Vec::with_capacity(self.flanks.len());
+        for (place, node) in ring(self.grid).into_iter().enumerate() {
+            let arc = Shell::from(self).arc(place, node);
+            arcs.push(arc[1..arc.len() - 1].to_vec());
+        }
+        arcs
     }
 
     /// Thickness vectors to a side: from each medial node to the corresponding node of the side.

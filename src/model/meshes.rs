@@ -68,23 +68,26 @@ impl Sheet {
         Some(compact(points, &normals, &triangles, &nodes, &all))
     }
 
-    /// The crest as triangles that face outward: the strip from the upper edge over the crest to the lower edge.
-    /// `None` without a crest that can be drawn.
+    /// The rim as triangles that face outward: the strips from the upper edge along the arcs to the lower edge.
+    /// `None` without a rim that can be drawn.
     #[must_use]
     pub fn crest_mesh(&self) -> Option<SurfaceMesh> {
         let edge = ring(self.grid);
-        if self.crest.len() != edge.len() {
+        if self.crest.len() != edge.len() || self.flanks.len() != edge.len() {
             return None;
         }
-        let (mut points, mut outward, mut node_of) = (Vec::new(), Vec::new(), Vec::new());
-        for (&node, crest) in edge.iter().zip(&self.crest) {
-            for point in [self.upper[node], *crest, self.lower[node]] {
+        let (mut arcs, mut points, mut outward, mut node_of) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        for (place, &node) in edge.iter().enumerate() {
+            let mut arc = Vec::new();
+            for point in Shell::from(self).arc(place, node) {
+                arc.push(points.len());
                 points.push(point);
                 outward.push(point - self.medial[node]);
                 node_of.push(node);
             }
+            arcs.push(arc);
         }
-        let (triangles, normals) = outward_normals(&points, self.crest_triangles(&edge), &outward)?;
+        let (triangles, normals) = outward_normals(&points, self.crest_triangles(&edge, &arcs), &outward)?;
         // Corners in the order in which triangles name them.
         let mut order = Vec::new();
         let mut is_there = vec![false; points.len()];
@@ -96,18 +99,22 @@ impl Sheet {
         Some(compact(&points, &normals, &triangles, &order, &node_of))
     }
 
-    /// Triangles of the crest strip, whose points are upper, crest and lower of each place of the edge.
-    fn crest_triangles(&self, edge: &[usize]) -> Vec<[usize; 3]> {
+    /// Triangles of the strips between the arcs of the edge, which are given by the numbers of their points.
+    fn crest_triangles(&self, edge: &[usize], arcs: &[Vec<usize>]) -> Vec<[usize; 3]> {
         let drawable = self.drawable();
-        let is_usable = |place: usize| drawable[edge[place]] && self.crest[place].iter().all(|x| x.is_finite());
+        let is_finite = |point: &WorldPoint| point.iter().all(|x| x.is_finite());
+        let is_usable = |place: usize| {
+            let node = edge[place];
+            drawable[node] && Shell::from(self).arc(place, node).iter().all(is_finite)
+        };
         let mut triangles = Vec::new();
         for here in 0..edge.len() {
             let next = (here + 1) % edge.len();
-            if is_usable(here) && is_usable(next) {
-                for step in [0, 1] {
-                    let (a, b) = (3 * here + step, 3 * next + step);
-                    triangles.extend([[a, a + 1, b], [b, a + 1, b + 1]]);
-                }
+            if !is_usable(here) || !is_usable(next) {
+                continue;
+            }
+            for (a, b) in arcs[here].windows(2).zip(arcs[next].windows(2)) {
+                triangles.extend([[a[0], a[1], b[0]], [b[0], a[1], b[1]]]);
             }
         }
         triangles

@@ -37,12 +37,12 @@ pub use frame::{FrameFacts, FrameRule};
 pub use lattice::{LatticeSize, ring};
 pub use meshes::{SurfaceMesh, TriangleMesh, normals};
 pub use quality::{
-    Coverage, DistanceSummary, Distortion, EmbeddingQuality, FigureQuality, Kept, LatticePlace, MeanAndP95, Reason,
-    Repair, StructureQuality, Threshold, Verdict, WorldPlace,
+    Coverage, DistanceSummary, Distortion, EmbeddingQuality, FigureQuality, Kept, LatticePlace, MeanAndP95, NodeRepair,
+    Reason, Repair, StructureQuality, Threshold, Verdict, WorldPlace,
 };
 pub use refusal::{Refusal, SHAPE_CODES};
 pub(crate) use shell::{EdgeStep, quad_area};
-pub use shell::{Quad, Shell};
+pub use shell::{FLANK, Flanks, Quad, Shell, straight_flanks};
 pub use side::{PerSurface, Side};
 pub use stage::{Stage, StageTimings};
 pub use structure::{Junction, LabelPart, Model, Pruning, Structure};

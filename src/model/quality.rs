@@ -73,15 +73,50 @@ pub struct WorldPlace {
     pub position: WorldPoint,
 }
 
+/// What was done to a node so that no vectors cross or run astray; of several things the last in this order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum NodeRepair {
+    /// A vector was turned, or the node was moved along the sheet.
+    Turned,
+    /// A vector runs past the place where the inscribed ball touches the surface, along the sheet or into another part;
+    /// it ends little further from the node than that place is.
+    PastFoot,
+    /// A vector, or the crest vector, was cut short of the surface.
+    Shortened,
+    /// The node was moved off the sheet.
+    OffSheet,
+    /// The node would have run into its neighbour, and was left where it was.
+    Merged,
+}
+
 /// What was repaired before a figure was handed out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Repair {
+    /// Nodes of the lattice; 0 when nothing can be repaired, or need be.
+    pub nodes: usize,
     /// Corners and centres of cells that were bad, or nearly so, before.
     pub folds_before: usize,
     /// Nodes with a vector that was turned, or a place that was moved.
     pub moved_nodes: usize,
-    /// Nodes with a vector, or crest vector, that ends short of the surface.
+    /// Nodes with a vector that runs past the place where the inscribed ball touches the surface, and ends inside.
+    pub past_foot_nodes: usize,
+    /// Nodes with a vector, or crest vector, that was cut short of the surface.
     pub shortened_nodes: usize,
+    /// Nodes that were moved off the sheet.
+    pub off_sheet_nodes: usize,
+    /// Nodes that would have run into a neighbour.
+    pub merged_nodes: usize,
+    /// Nodes that are any of the last three.
+    pub marred_nodes: usize,
+}
+
+impl Repair {
+    /// Share of the nodes that were cut short, moved off the sheet or would have merged.
+    #[must_use]
+    pub fn marred_share(&self) -> f64 {
+        self.marred_nodes as f64 / self.nodes.max(1) as f64
+    }
 }
 
 /// How the medial quads differ between space and the intrinsic plane.

@@ -1,5 +1,8 @@
-//! The parts that the nodes of a figure enclose: cells, crest wedges, and where the crest has
+//! The parts that the nodes of a figure enclose: cells, the wedges of the rim, and where the crest has
 //! run into a surface.
+//!
+//! The rim is round: at each edge node an arc leads from its upper node over its crest point to its lower node. Its
+//! points beside the crest are its *flanks*, [`FLANK`] on either side.
 
 use nalgebra::Point3;
 
@@ -7,7 +10,14 @@ use super::figure::Sheet;
 use super::lattice::{LatticeSize, ring};
 use super::side::Side;
 
-/// A crest point this near to a surface node is that node, as a share of the longer of the two
+/// Points of an arc between a surface node and the crest point. With none a wedge stands for what is round, and the overlap
+/// of a kidney is 0.863; with 1 it is 0.926, with 2 0.940.
+pub const FLANK: usize = 2;
+
+/// The flanks of an arc, each from the surface node to the crest point: towards the upper node, towards the lower one.
+pub type Flanks = [[Point3<f64>; FLANK]; 2];
+
+/// A point of an arc this near to the one before it is that point, as a share of the longer of the two
 /// vectors to them. Larger, a thin but open wedge would count as closed and never be looked at;
 /// smaller, the sign of a wedge without volume would be that of rounding errors.
 const MERGED: f64 = 1e-3;
@@ -25,6 +35,8 @@ pub struct Shell<'a> {
     pub lower: &'a [Point3<f64>],
     /// Crest points in the order of [`ring`].
     pub crest: &'a [Point3<f64>],
+    /// The flanks of the arc through each.
+    pub flanks: &'a [Flanks],
     /// Whether a node lies on the sheet; parts with a node that does not are no parts.
     pub valid: &'a [bool],
 }
@@ -37,6 +49,7 @@ impl<'a> From<&'a Sheet> for Shell<'a> {
             upper: &sheet.upper,
             lower: &sheet.lower,
             crest: &sheet.crest,
+            flanks: &sheet.flanks,
             valid: &sheet.valid,
         }
     }
@@ -109,12 +122,45 @@ impl<'a> Shell<'a> {
         })
     }
 
-    /// Whether a crest point is one with the surface node it starts at: a sharp rim.
+    /// The arc at a place of the edge, from the surface node of a side to the crest point.
     #[must_use]
-    pub(crate) fn is_merged(&self, side: Side, place: usize, node: usize) -> bool {
-        let (medial, skin, crest) = (self.medial[node], self.side(side)[node], self.crest[place]);
-        (crest - skin).norm() <= MERGED * (skin - medial).norm().max((crest - medial).norm())
+    pub(crate) fn half_arc(&self, side: Side, place: usize, node: usize) -> [Point3<f64>; FLANK + 2] {
+        let mut half = [self.side(side)[node]; FLANK + 2];
+        half[1..=FLANK].copy_from_slice(&self.flanks[place][side.number()]);
+        half[FLANK + 1] = self.crest[place];
+        half
     }
+
+    /// The arc at a place of the edge, from the upper node to the lower one.
+    #[must_use]
+    pub(crate) fn arc(&self, place: usize, node: usize) -> [Point3<f64>; 2 * FLANK + 3] {
+        let [upper, lower] = Side::BOTH.map(|side| self.half_arc(side, place, node));
+        let mut arc = [upper[0]; 2 * FLANK + 3];
+        arc[..FLANK + 2].copy_from_slice(&upper);
+        for (k, point) in lower.into_iter().enumerate() {
+            arc[2 * FLANK + 2 - k] = point;
+        }
+        arc
+    }
+
+    /// Whether two neighbouring points of an arc at a node are one: a sharp rim.
+    #[must_use]
+    pub(crate) fn are_merged(&self, node: usize, a: Point3<f64>, b: Point3<f64>) -> bool {
+        let medial = self.medial[node];
+        (b - a).norm() <= MERGED * (a - medial).norm().max((b - medial).norm())
+    }
+}
+
+/// The flanks of an arc that leads straight from the surface nodes to the crest.
+#[must_use]
+pub fn straight_flanks(upper: Point3<f64>, crest: Point3<f64>, lower: Point3<f64>) -> Flanks {
+    let mut flanks = [[crest; FLANK]; 2];
+    for (flank, skin) in flanks.iter_mut().zip([upper, lower]) {
+        for (k, point) in flank.iter_mut().enumerate() {
+            *point = skin + (crest - skin) * ((k + 1) as f64 / (FLANK + 1) as f64);
+        }
+    }
+    flanks
 }
 
 /// Area of a quad `[a b; c d]`: half the cross product of its diagonals.

@@ -15,6 +15,15 @@ impl Side {
     /// Both, the upper one first.
     pub const BOTH: [Self; 2] = [Self::Upper, Self::Lower];
 
+    /// Its place in [`Self::BOTH`].
+    #[must_use]
+    pub(crate) fn number(self) -> usize {
+        match self {
+            Self::Upper => 0,
+            Self::Lower => 1,
+        }
+    }
+
     /// Its name in artifacts.
     #[must_use]
     pub fn name(self) -> &'static str {

@@ -11,7 +11,7 @@ use super::sheets::Sheets;
 use super::sides::SheetSides;
 use super::solid::Solid;
 use super::stages::Worked;
-use crate::model::{Figure, FigureQuality, FlatPoints, Junction, PerSurface, Sheet, Structure};
+use crate::model::{Figure, FigureQuality, Flanks, FlatPoints, Junction, PerSurface, Sheet, Structure};
 use crate::space::ParamPoint;
 
 /// Writes the figures of a structure, part by part, their junctions and qualities into it.
@@ -52,7 +52,9 @@ fn figure(solid: &Solid, sheet: &SheetSides, draft: &Draft, quality: FigureQuali
         upper: solid.in_world(&nodes.upper),
         lower: solid.in_world(&nodes.lower),
         crest: solid.in_world(&nodes.crest),
+        flanks: flanks_in_world(solid, &nodes.flanks),
         valid: nodes.valid.clone(),
+        repaired: nodes.repaired.clone(),
         medial_radius_mm: nodes.radii.iter().map(|r| r * mm).collect(),
         area_distortion: FlatQuads::from(nodes).log_ratio_per_node(),
         intrinsic: nodes.intrinsic.map(|points| in_mm(points, mm)),
@@ -69,6 +71,14 @@ fn figure(solid: &Solid, sheet: &SheetSides, draft: &Draft, quality: FigureQuali
         uncertainty: None,
         part: 0,
     }
+}
+
+fn flanks_in_world(solid: &Solid, flanks: &[Flanks]) -> Vec<Flanks> {
+    let mut all = Vec::with_capacity(flanks.len());
+    for flanks in flanks {
+        all.push(flanks.map(|flank| flank.map(|point| solid.world_from_work.point(point))));
+    }
+    all
 }
 
 /// The points of a surface and where they were laid.

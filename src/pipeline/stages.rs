@@ -33,6 +33,7 @@ use super::solid::cut_out::Label;
 use super::solid::depth::{Depth, depth};
 use super::solid::parts::{Sent, SentPart};
 use super::solid::{Masked, Solid, masked};
+use super::vectors::shares::{Share, Shares};
 use super::vectors::vectors;
 use super::{PipelineError, plane::Flat};
 use crate::model::{LabelPart, Refusal, Stage, Structure};
@@ -157,10 +158,11 @@ fn drafts(
     flat: Vec<Option<Flat>>,
     context: &Context<'_>,
 ) -> Result<Vec<Option<Draft>>, PipelineError> {
+    let shares = Shares::of(sheets, context)?;
     let mut drafts = Vec::new();
     for (number, (sheet, flat)) in sheets.iter().zip(flat).enumerate() {
         let part = Part { number, of: sheets.len() };
-        match draft(solid, depth, (sheet, flat), part, context) {
+        match draft(solid, depth, (sheet, flat, &shares), part, context) {
             Ok(draft) => drafts.push(Some(draft)),
             Err(PipelineError::Refused(refusal)) if number > 0 => {
                 context.warn("sheet_left_out", format!("sheet {number} was left out: {refusal}"));
@@ -176,7 +178,7 @@ fn drafts(
 fn draft(
     solid: &Solid,
     depth: &Depth,
-    (sheet, flat): (&SheetSides, Option<Flat>),
+    (sheet, flat, shares): (&SheetSides, Option<Flat>, &Shares),
     part: Part,
     context: &Context<'_>,
 ) -> Result<Draft, PipelineError> {
@@ -184,8 +186,9 @@ fn draft(
     let laid =
         context.part_of_stage(Stage::Lattice, part, || lattices(solid, depth, sheet, &framed, part.number, context))?;
     let (choices, laid) = laid;
+    let own = (sheet, Share { shares, number: part.number });
     let (nodes, repair) =
-        context.part_of_stage(Stage::Spokes, part, || vectors(solid, depth, sheet, &framed.flat, laid, context))?;
+        context.part_of_stage(Stage::Spokes, part, || vectors(solid, depth, own, &framed.flat, laid, context))?;
     let Framed { flat, distortion, frame } = framed;
     Ok(Draft { nodes, flat, distortion, frame, choices, repair })
 }

@@ -90,7 +90,9 @@ fn a_figure_has_every_node_in_row_major_order() {
         "upper",
         "lower",
         "crest",
+        "crest_arcs",
         "valid",
+        "repaired",
         "vectors",
         "thickness",
         "thickness_summary",
@@ -121,6 +123,11 @@ fn a_figure_has_every_node_in_row_major_order() {
         assert_eq!(list.as_array().unwrap().len(), 48);
     }
     assert_eq!(figure["crest"].as_array().unwrap().len(), 2 * (6 + 8) - 4);
+    let arcs = figure["crest_arcs"].as_array().unwrap();
+    assert_eq!(arcs.len(), 2 * (6 + 8) - 4);
+    for (arc, crest) in arcs.iter().zip(figure["crest"].as_array().unwrap()) {
+        assert_eq!((arc.as_array().unwrap().len(), &arc[2]), (5, crest));
+    }
     // Node (1, 0) is 5 mm along y.
     assert_eq!(figure["medial"][8], json!([0.0, 5.0, 40.0]));
     assert_eq!(figure["vectors"]["lower"][8], json!([0.0, 0.0, -2.0]));
@@ -185,7 +192,15 @@ fn quality_has_its_names_per_figure_and_per_structure() {
     let document = thickness(&model());
     let structure = &document["structures"][0];
     let fit = ["dice", "grain_mm", "covered_share", "mask_to_model", "model_to_mask"];
-    let folds = ["folds", "folds_before_repair", "repaired_nodes", "shortened_nodes"];
+    let folds = [
+        "folds",
+        "folds_before_repair",
+        "repaired_nodes",
+        "shortened_nodes",
+        "past_foot_nodes",
+        "off_sheet_nodes",
+        "merged_nodes",
+    ];
     let even = ["spacing_variation", "distortion", "medial_offset"];
     let turned = ["folded_cells", "folded_centres", "folded_wedges", "self_intersections"];
     let expected =

@@ -120,7 +120,7 @@ fn an_invalid_node_is_not_drawn() {
     };
     assert_eq!(count("medial"), 3 * 2 * (4 * 5 - 1));
     assert_eq!(count("vectors"), 2 * 2 * 29);
-    assert_eq!(count("crest"), 3 * 4 * (18 - 2));
+    assert_eq!(count("crest"), 3 * 12 * (18 - 2));
     assert_eq!(second("vectors").primitives().next().unwrap().mode(), Mode::Lines);
 }
 

@@ -1,11 +1,11 @@
 //! Anchored vectors: true lengths, no crossings, the sheet up to its rim, lattices that meet.
 
-use medialrep::model::{Sheet, Side, Structure, Verdict, ring};
+use medialrep::model::{NodeRepair, Sheet, Side, Structure, Verdict, ring};
 use medialrep::params::{Correspondence, LatticeKind, Params};
-use medialrep::space::WorldPoint;
+use medialrep::space::{LabelVolume, WorldPoint};
 use nalgebra::Rotation3;
 
-use crate::help::phantoms::{drift, model_of, params, rms, sample, turned, volume};
+use crate::help::phantoms::{drift, model_of, painted, params, plain, rms, run_with, sample, turned, volume};
 
 fn structure_of(name: &str, spacing_mm: f64, rotation: Rotation3<f64>) -> Structure {
     let volume = sample(name).voxelise([spacing_mm; 3], rotation).expect("fits");
@@ -124,12 +124,74 @@ fn a_regular_lattice_flags_what_lies_off_the_sheet_and_stays_legal_on_it() {
 }
 
 #[test]
-fn edge_vectors_of_an_abrupt_end_lean_towards_the_crest_and_inner_ones_do_not() {
-    let structure = structure_of("slab", 1.0, Rotation3::identity());
-    let figure = structure.sheets().next().expect("a sheet");
-    let vectors = figure.vectors(Side::Upper);
-    let lean = |n: usize| (vectors[n].z.abs() / vectors[n].norm()).acos().to_degrees();
-    let (edge, inner) = (lean(10), lean(6 * 20 + 10));
-    assert!(edge > 30.0 && inner < 3.0, "{edge:.0}° at the edge, {inner:.0}° inside");
-    assert!((vectors[6 * 20 + 10].norm() - 4.0).abs() < 0.6);
+fn edge_vectors_end_where_the_ball_touches() {
+    for name in ["slab", "bent_even", "thick_bend", "tee", "wye"] {
+        let structure = structure_of(name, 1.0, Rotation3::identity());
+        for figure in structure.sheets() {
+            for side in Side::BOTH {
+                for (length, radius) in figure.lengths_mm(side).iter().zip(&figure.medial_radius_mm) {
+                    assert!(*length <= 1.15 * radius + 0.5, "{name}: {length:.2} where the radius is {radius:.2}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_plate_with_a_round_rim_is_as_thick_as_it_is() {
+    let structure = model_of(&plain("slab"), params()).structures.remove(0);
+    let mean = structure.thickness_summary().total_mm.expect("an area").mean;
+    assert!((mean - 8.0).abs() < 0.08, "{mean:.3} mm of 8");
+}
+
+#[test]
+fn arcs_follow_the_round_rim() {
+    for name in ["slab", "bent_even", "twisted"] {
+        let shape = sample(name);
+        let structure = model_of(&plain(name), params()).structures.remove(0);
+        let figure = structure.sheets().next().expect("a sheet");
+        let off = rms(figure.crest_arcs().iter().flatten().map(|p| shape.signed_mm(*p)));
+        assert!(off < 0.35, "{name}: arcs lie {off:.2} mm from the surface");
+        assert!(structure.quality.coverage.dice > 0.965, "{name}: {:.3}", structure.quality.coverage.dice);
+        assert_eq!((structure.quality.folded_wedges, structure.quality.self_intersections), (0, Some(0)), "{name}");
+    }
+}
+
+/// A tapering strap of elliptic section with a bow in it, 120 mm long: too round for a sheet, and too long for 6 × 8 nodes.
+fn strap() -> LabelVolume {
+    painted([126, 80, 32], [1.0; 3], |[i, j, k]| {
+        let (x, y, z) = (i as f64 - 62.5, j as f64 - 39.5, k as f64 - 15.5);
+        let (bow, width) = (y - 18.0 * (-((x + 25.0) / 22.0).powi(2)).exp(), 12.0 - 0.09 * (x + 60.0));
+        u16::from(x.abs() <= 60.0 && (bow / width).powi(2) + (z / (0.72 * width)).powi(2) <= 1.0)
+    })
+}
+
+#[test]
+fn repair_keeps_nodes_in_the_solid_and_apart_and_says_how_many_it_spoilt() {
+    let volume = strap();
+    // A refusal is as good an answer.
+    let Ok(model) = run_with(&volume, r#"{"grid":{"rows":6,"cols":8}}"#) else { return };
+    let Some(figure) = model.structures[0].sheets().next() else { return };
+    for node in &figure.medial {
+        // Voxels are cubes of 1 mm from the origin on: a node is within one of the voxel that it lies in.
+        let voxels = volume.indices();
+        let is_in = |offset: usize| {
+            voxels.as_slice()[offset] == 1
+                && (WorldPoint::from(voxels.index(offset).map(|x| x as f64)) - node).amax() < 1.0
+        };
+        assert!((0..voxels.as_slice().len()).any(is_in), "{node} lies outside");
+    }
+    for (n, node) in figure.medial.iter().enumerate() {
+        for other in &figure.medial[n + 1..] {
+            assert!((node - other).norm() > 0.1, "two nodes in {node}");
+        }
+    }
+    let repair = figure.quality.repair;
+    let spoilt = figure.repaired.iter().filter(|what| **what >= Some(NodeRepair::Shortened)).count();
+    assert_eq!((repair.nodes, repair.marred_nodes), (48, spoilt));
+    let quality = &model.structures[0].quality;
+    if repair.marred_share() > 0.05 {
+        assert!(quality.reasons.iter().any(|reason| reason.code == "repaired_share"));
+        assert_eq!(quality.verdict, Verdict::Fail);
+    }
 }

@@ -29,6 +29,7 @@ fn figure_of(nodes: Nodes) -> Sheet {
         upper: nodes.upper,
         lower: nodes.lower,
         crest: nodes.crest,
+        flanks: nodes.flanks,
         valid: nodes.valid,
         ..Sheet::default()
     }
@@ -166,6 +167,7 @@ pub fn boxed(change: impl FnOnce(&mut Nodes)) -> (StructureQuality, FigureQualit
         }
     }
     change(&mut nodes);
+    nodes.straighten_arcs();
     let (changes, draft) = (Changes::default(), drafted(nodes));
     let answered =
         Answered { part: 0, solid: &solid, depth: &depth, changes: &changes, drafts: vec![&draft], pruned: 0 };
@@ -209,7 +211,7 @@ fn an_unrepaired_figure_had_its_folds_before() {
     let draft = drafted(nodes);
     let quality = figure_quality(&draft, &Never).unwrap();
     assert_eq!(quality.repair, Repair { folds_before: quality.folds, ..Repair::default() });
-    let repair = Repair { folds_before: 40, moved_nodes: 3, shortened_nodes: 1 };
+    let repair = Repair { folds_before: 40, moved_nodes: 3, shortened_nodes: 1, ..Repair::default() };
     let repaired = Draft { repair, ..draft };
     assert_eq!(figure_quality(&repaired, &Never).unwrap().repair, repair);
 }
@@ -298,6 +300,14 @@ fn a_count_is_told_as_a_count() {
     let quality = judged(|q| q.folded_wedges = 3);
     let message = "the crest is turned over: the number of its wedges is 3, none is allowed";
     assert_eq!(quality.reasons[0].message, message);
+}
+
+#[test]
+fn more_than_a_twentieth_of_the_nodes_spoilt_is_a_failure() {
+    let of = |marred_nodes: usize| judged(|q| q.repair = Repair { nodes: 100, marred_nodes, ..Repair::default() });
+    assert_eq!(of(5).verdict, Verdict::Pass);
+    let quality = of(6);
+    assert_eq!((quality.verdict, quality.reasons[0].code.as_ref()), (Verdict::Fail, "repaired_share"));
 }
 
 #[test]

@@ -23,7 +23,7 @@ pub struct Accuracy {
     /// largest ball is not that of either.
     pub radius: Option<f64>,
     /// Mean relative error of the length of the vectors against the true radius, over the middle half of rows
-    /// and columns: at the edge vectors lean towards the crest on purpose.
+    /// and columns.
     pub vector: f64,
     /// The largest of these errors.
     pub worst: f64,

@@ -88,6 +88,11 @@ impl<'a> SpaceFromPlane<'a> {
         self.bare(nearest)
     }
 
+    /// The points it is made of, in the plane and in space.
+    pub fn points(&self) -> impl Iterator<Item = (Point2<f64>, Point3<f64>)> {
+        self.flat.iter().copied().zip(self.positions.iter().copied())
+    }
+
     /// [`Self::node`] of some places.
     ///
     /// # Errors

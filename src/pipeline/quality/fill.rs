@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;
 
 use crate::cancel::{Cancel, Cancelled};
-use crate::model::Shell;
+use crate::model::{Shell, Side};
 use crate::numerics::field::floor_index;
 use crate::space::{Grid, VoxelFromVoxel};
 
@@ -61,7 +61,8 @@ type Tetrahedron = [Point3<f64>; 4];
 fn tetrahedra(shell: Shell<'_>) -> Vec<Tetrahedron> {
     let mut all = Vec::new();
     let m = shell.medial;
-    for skin in [shell.upper, shell.lower] {
+    for side in Side::BOTH {
+        let skin = shell.side(side);
         for quad in shell.quads() {
             let [a, b, c, d] = quad.nodes;
             all.extend(prism([m[a], m[b], m[d]], [skin[a], skin[b], skin[d]]));
@@ -69,7 +70,10 @@ fn tetrahedra(shell: Shell<'_>) -> Vec<Tetrahedron> {
         }
         for step in shell.edge_steps() {
             let [a, b] = step.nodes;
-            all.extend(prism([m[a], skin[a], shell.crest[step.here]], [m[b], skin[b], shell.crest[step.next]]));
+            let (here, next) = (shell.half_arc(side, step.here, a), shell.half_arc(side, step.next, b));
+            for k in 1..here.len() {
+                all.extend(prism([m[a], here[k - 1], here[k]], [m[b], next[k - 1], next[k]]));
+            }
         }
     }
     all

@@ -167,7 +167,7 @@ pub fn figure_quality(draft: &Draft, cancel: &dyn Cancel) -> Result<FigureQualit
     let shell = Shell::from(nodes);
     let legality = legality(shell);
     cancel.check()?;
-    let is_untouched = repair.moved_nodes == 0;
+    let is_untouched = repair.moved_nodes + repair.marred_nodes + repair.past_foot_nodes == 0;
     Ok(FigureQuality {
         embedding,
         folds: legality.folds,
@@ -175,7 +175,7 @@ pub fn figure_quality(draft: &Draft, cancel: &dyn Cancel) -> Result<FigureQualit
         folded_cells: places(&legality.parts, Part::Cell),
         folded_centres: legality.folded_centres,
         folded_wedges: places(&legality.parts, Part::Wedge),
-        repair: if is_untouched { Repair { folds_before: legality.folds, ..Repair::default() } } else { repair },
+        repair: if is_untouched { Repair { folds_before: legality.folds, ..repair } } else { repair },
         self_intersections: crossings(shell, cancel)?,
         spacing_variation: spacing_variation(nodes.size, &nodes.medial),
         distortion: quads.distortion(),

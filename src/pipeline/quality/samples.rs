@@ -5,7 +5,7 @@ use std::ops::{Add, Mul, Sub};
 use nalgebra::{Point3, Vector3};
 
 use crate::cancel::{Cancel, Cancelled};
-use crate::model::Shell;
+use crate::model::{Shell, Side};
 use crate::numerics::field::floor_index;
 use crate::pipeline::solid::depth::SkinPoint;
 
@@ -13,20 +13,23 @@ use crate::pipeline::solid::depth::SkinPoint;
 /// the surface by 0.001; at twice of it they are too large by 0.002.
 const SAMPLE_STEP: f64 = 0.7;
 
-/// Points spread over the outer surface of a figure: upper, lower and the crest strips.
+/// Points spread over the outer surface of a figure: upper, lower and the strips of the rim.
 ///
 /// # Errors
 /// When it is cancelled.
 pub fn surface_samples(shell: Shell<'_>, cancel: &dyn Cancel) -> Result<Vec<SkinPoint>, Cancelled> {
     let mut samples = Vec::new();
-    for skin in [shell.upper, shell.lower] {
+    for side in Side::BOTH {
         for quad in shell.quads() {
             cancel.check()?;
-            sample(quad.corners(skin), &mut samples);
+            sample(quad.corners(shell.side(side)), &mut samples);
         }
         for step in shell.edge_steps() {
             let [a, b] = step.nodes;
-            sample([skin[a], skin[b], shell.crest[step.here], shell.crest[step.next]], &mut samples);
+            let (here, next) = (shell.half_arc(side, step.here, a), shell.half_arc(side, step.next, b));
+            for k in 1..here.len() {
+                sample([here[k - 1], next[k - 1], here[k], next[k]], &mut samples);
+            }
         }
     }
     Ok(samples)

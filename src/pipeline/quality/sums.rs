@@ -28,9 +28,14 @@ fn add_counts(all: &mut StructureQuality, figure: &FigureQuality) {
     all.folded_wedges += figure.folded_wedges.len();
     let (sum, repair) = (all.repair, figure.repair);
     all.repair = Repair {
+        nodes: sum.nodes + repair.nodes,
         folds_before: sum.folds_before + repair.folds_before,
         moved_nodes: sum.moved_nodes + repair.moved_nodes,
+        past_foot_nodes: sum.past_foot_nodes + repair.past_foot_nodes,
         shortened_nodes: sum.shortened_nodes + repair.shortened_nodes,
+        off_sheet_nodes: sum.off_sheet_nodes + repair.off_sheet_nodes,
+        merged_nodes: sum.merged_nodes + repair.merged_nodes,
+        marred_nodes: sum.marred_nodes + repair.marred_nodes,
     };
     if let Some(crossings) = figure.self_intersections {
         *all.self_intersections.get_or_insert(0) += crossings;

@@ -78,6 +78,10 @@ pub struct Places {
     pub closed: Option<WorldPlace>,
 }
 
+/// Share of the nodes that repair spoilt: cut short, moved off the sheet or merged. Straps, muscles and slabs have up to
+/// 0.02; above it the lattice is more the repair's than the organ's, and lengths are those of neither.
+const MARRED: f64 = 0.05;
+
 /// What a measure is called in a reason.
 struct Wording {
     threshold: Threshold,
@@ -134,19 +138,21 @@ fn table(quality: &StructureQuality, figures: &[FigureQuality], voxel_mm: f64, p
 }
 
 /// Whether the vectors cross nothing.
-fn legality_rows(quality: &StructureQuality, places: &Places) -> [Wording; 5] {
+fn legality_rows(quality: &StructureQuality, places: &Places) -> [Wording; 6] {
     let row = Wording::of;
     let folds = "thickness vectors cross: the number of corners of cells turned over";
     let wedges = "the crest is turned over: the number of its wedges";
     let crossings = "the closed surface runs through itself: the number of pairs of triangles";
     let shortened = "vectors were cut short of the surface so that none cross: the number of their nodes";
     let centres = "cells are turned over inside: their number";
+    let marred = "share of nodes cut short, moved off the sheet or merged so that no vectors cross";
     [
         row("folds", folds, quality.folds as f64).failed_above(0.0).at(places.folded),
         row("folded_centres", centres, quality.folded_centres as f64).failed_above(0.0).at(places.folded),
         row("folded_wedges", wedges, quality.folded_wedges as f64).failed_above(0.0).at(places.folded),
         row("self_intersections", crossings, quality.self_intersections.unwrap_or(0) as f64).warned_above(0.0),
         row("shortened_nodes", shortened, quality.repair.shortened_nodes as f64).warned_above(0.0),
+        row("repaired_share", marred, quality.repair.marred_share()).failed_above(MARRED),
     ]
 }
 

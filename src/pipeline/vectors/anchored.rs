@@ -2,8 +2,7 @@
 //! along the spokes.
 //!
 //! 1. The nodes of the lattice are brought into space.
-//! 2. Each gets two spokes, along which its inscribed ball touches the boundary ([`spokes`](super::spokes)). At the edge,
-//!    where the sheet ends abruptly, they are turned towards the crest.
+//! 2. Each gets two spokes, along which its inscribed ball touches the boundary ([`spokes`](super::spokes)).
 //! 3. They are walked to the sub-voxel boundary, and turned until none cross ([`untangle`](super::untangle)).
 //! 4. The edge gets its crest ([`crest`](super::crest)), which is turned until no wedge is turned over
 //!    ([`mend_crest`](super::mend_crest)); where that fails, the spokes of the edge are drawn towards those around them, and 3 and
@@ -17,10 +16,10 @@ use nalgebra::Point3;
 use super::crest::{crest, look_ahead};
 use super::mend_crest::{Mended, mend_crest};
 use super::nodes::Nodes;
-use super::spoked_lattice::SpokedLattice;
-use super::spokes::{Body, fan_out, upper_sign};
+use super::spoked_lattice::{SpokedLattice, Surroundings, spacing};
+use super::spokes::{Body, upper_sign};
 use crate::cancel::{Cancel, Cancelled};
-use crate::model::Repair;
+use crate::model::{NodeRepair, Repair};
 use crate::pipeline::lattice::Lattice;
 use crate::pipeline::lattice::map::SpaceFromPlane;
 use crate::pipeline::lattice::rim::WholeSheet;
@@ -50,10 +49,39 @@ pub fn anchored(
     let body = Body { solid, depth, map };
     let mut spoked = spoked(&body, sheet, lattice, cancel)?;
     let folds_before = spoked.untangle()?;
-    let (nodes, crest) = with_crest(&mut spoked, &body, &sheet.hinge, cancel)?;
-    let moved_nodes = spoked.touched.union(&crest.touched).count();
-    let shortened_nodes = spoked.short()?.union(&crest.cut).count();
-    Ok((nodes, Repair { folds_before, moved_nodes, shortened_nodes }))
+    let (mut nodes, crest) = with_crest(&mut spoked, &body, &sheet.hinge, cancel)?;
+    let repair = Repair { folds_before, ..noted(&mut nodes, &spoked, &crest)? };
+    Ok((nodes, repair))
+}
+
+/// Notes at each node what was done to it, and counts it.
+fn noted(nodes: &mut Nodes, spoked: &SpokedLattice<'_>, crest: &Mended) -> Result<Repair, Cancelled> {
+    let turned: BTreeSet<usize> = spoked.touched.union(&crest.touched).copied().collect();
+    let past_foot = spoked.past_foot()?;
+    let shortened: BTreeSet<usize> = spoked.short()?.union(&crest.cut).copied().collect();
+    let off_sheet = spoked.off_sheet()?;
+    // The worst last: it is what is kept.
+    for (done_to, what) in [
+        (&turned, NodeRepair::Turned),
+        (&past_foot, NodeRepair::PastFoot),
+        (&shortened, NodeRepair::Shortened),
+        (&off_sheet, NodeRepair::OffSheet),
+        (&spoked.merged, NodeRepair::Merged),
+    ] {
+        for &n in done_to {
+            nodes.repaired[n] = Some(what);
+        }
+    }
+    Ok(Repair {
+        nodes: nodes.repaired.len(),
+        folds_before: 0,
+        moved_nodes: turned.len(),
+        past_foot_nodes: past_foot.len(),
+        shortened_nodes: shortened.len(),
+        off_sheet_nodes: off_sheet.len(),
+        merged_nodes: spoked.merged.len(),
+        marred_nodes: nodes.repaired.iter().filter(|&&what| what >= Some(NodeRepair::Shortened)).count(),
+    })
 }
 
 /// Brings a lattice into space and lays its spokes, up to the boundary.
@@ -63,11 +91,14 @@ fn spoked<'a>(
     lattice: Lattice,
     cancel: &'a dyn Cancel,
 ) -> Result<SpokedLattice<'a>, Cancelled> {
-    let medial = body.map.nodes(&lattice.nodes, cancel)?;
+    let mut medial = Vec::with_capacity(lattice.nodes.len());
+    for &place in &lattice.nodes {
+        cancel.check()?;
+        medial.push(body.node(place));
+    }
     let hand = upper_sign(&lattice.nodes, &medial, &body.map, sheet, cancel)?;
-    let mut directions = body.spokes(&medial, hand, cancel)?;
-    fan_out(&mut directions, &medial, lattice.size, &look_ahead(&lattice, &body.map, &sheet.hinge));
-    let count = medial.len();
+    let directions = body.spokes(&mut medial, hand, cancel)?;
+    let (count, spacing) = (medial.len(), spacing(lattice.size, &medial));
     let mut spoked = SpokedLattice {
         lattice,
         medial,
@@ -76,6 +107,8 @@ fn spoked<'a>(
         // Columns run along u, rows along v: the normal of (i, j) is that of (v, u).
         hand: -hand,
         touched: BTreeSet::new(),
+        merged: BTreeSet::new(),
+        spacing,
         around: body,
         cancel,
     };

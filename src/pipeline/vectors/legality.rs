@@ -1,8 +1,9 @@
 //! Whether thickness vectors cross: looked at while they are laid, and told by the stage `quality`.
 //!
 //! A *cell* is the hexahedron between a medial quad and its upper or lower quad, filled by the
-//! trilinear map. A *wedge* is the prism between the triangles (medial node, surface node, crest
-//! point) of two neighbours on the edge of the lattice, filled linearly along the edge. Where
+//! trilinear map. A *wedge* lies between two neighbours on the edge of the lattice, from their surface nodes to their
+//! crest points. It is made of prisms between triangles (medial node, two neighbouring points of the half arc), filled
+//! linearly along the edge. Where
 //! the Jacobian of such a map has the wrong sign, the part is turned over and vectors cross.
 //! It is looked at in all corners and in the centre: a hexahedron can be turned over in its
 //! middle with all corners right. A part that is right there can still be wrong in between.
@@ -14,7 +15,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use crate::model::{EdgeStep, LatticePlace, Quad, Shell, Side};
+use crate::model::{EdgeStep, FLANK, LatticePlace, Quad, Shell, Side};
 
 /// Kind of a part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,7 +34,7 @@ pub struct Illegal {
     /// Its side and first node: of a cell the one with the lowest i and j, of a wedge the one that
     /// comes first in the ring.
     pub place: LatticePlace,
-    /// Bad corners, of 8 or 6.
+    /// Bad corners, of 8 or of 6 of each prism.
     pub corners: usize,
     /// Whether the centre is bad.
     pub is_centre_bad: bool,
@@ -87,10 +88,8 @@ pub fn legality(shell: Shell<'_>) -> Legality {
     for side in Side::BOTH {
         for step in shell.edge_steps() {
             let jacobians = wedge_jacobians(shell, side, step);
-            found.checked += jacobians.iter().flatten().count();
-            let (i, j) = (step.nodes[0] / shell.size.cols, step.nodes[0] % shell.size.cols);
-            let (expected, place) = (expected(found.orientation, side), LatticePlace { side, i, j });
-            if let Some(wedge) = judged(&jacobians, expected, Part::Wedge, place) {
+            found.checked += jacobians.iter().flatten().flatten().count();
+            if let Some(wedge) = judged_wedge(shell, side, step, &jacobians, expected(found.orientation, side)) {
                 found.folded_wedges += 1;
                 found.parts.push(wedge);
             }
@@ -135,6 +134,27 @@ fn judged(jacobians: &[Option<f64>], expected: f64, part: Part, place: LatticePl
     (found.corners > 0 || found.is_centre_bad).then_some(found)
 }
 
+/// A wedge with a bad prism.
+fn judged_wedge(
+    shell: Shell<'_>,
+    side: Side,
+    step: EdgeStep,
+    prisms: &[[Option<f64>; 7]],
+    expected: f64,
+) -> Option<Illegal> {
+    let (i, j) = (step.nodes[0] / shell.size.cols, step.nodes[0] % shell.size.cols);
+    let place = LatticePlace { side, i, j };
+    let mut wedge = None;
+    for prism in prisms {
+        if let Some(found) = judged(prism, expected, Part::Wedge, place) {
+            let bad = wedge.get_or_insert(Illegal { corners: 0, is_centre_bad: false, ..found });
+            bad.corners += found.corners;
+            bad.is_centre_bad |= found.is_centre_bad;
+        }
+    }
+    wedge
+}
+
 /// Whether a Jacobian has not the expected sign. What is no number is bad; a place that is not looked at is not.
 fn is_bad(jacobian: Option<f64>, expected: f64) -> bool {
     jacobian.is_some_and(|j| j.is_nan() || j * expected <= 0.0)
@@ -164,35 +184,47 @@ pub(crate) fn cell_edges(layers: [[Point3<f64>; 4]; 2]) -> [[Vector3<f64>; 3]; 9
     edges
 }
 
-/// One end of a wedge.
+/// Jacobians of the maps of a wedge's prisms, from the surface node on.
+fn wedge_jacobians(shell: Shell<'_>, side: Side, step: EdgeStep) -> [[Option<f64>; 7]; FLANK + 1] {
+    let [here, next] = step.nodes;
+    let (here_arc, next_arc) = (shell.half_arc(side, step.here, here), shell.half_arc(side, step.next, next));
+    let mut all = [[None; 7]; FLANK + 1];
+    for (k, prism) in all.iter_mut().enumerate() {
+        let here = End::of(shell, here, [here_arc[k], here_arc[k + 1]]);
+        let next = End::of(shell, next, [next_arc[k], next_arc[k + 1]]);
+        *prism = prism_jacobians(&here, &next);
+    }
+    all
+}
+
+/// One end of a prism.
 struct End {
     medial: Point3<f64>,
-    crest: Point3<f64>,
-    skin: Point3<f64>,
-    /// Whether crest and surface node are one.
+    /// The point of the arc nearer to the crest.
+    outer: Point3<f64>,
+    /// The one nearer to the surface node.
+    inner: Point3<f64>,
+    /// Whether they are one.
     is_merged: bool,
 }
 
 impl End {
-    fn of(shell: Shell<'_>, side: Side, place: usize, node: usize) -> Self {
-        let (medial, crest, skin) = (shell.medial[node], shell.crest[place], shell.side(side)[node]);
-        Self { medial, crest, skin, is_merged: shell.is_merged(side, place, node) }
+    fn of(shell: Shell<'_>, node: usize, [inner, outer]: [Point3<f64>; 2]) -> Self {
+        Self { medial: shell.medial[node], outer, inner, is_merged: shell.are_merged(node, inner, outer) }
     }
 }
 
-/// Jacobians of a wedge's map: three corners at each end, the centre. Signs agree with the cells
-/// of the side. At an end where the crest has merged with the surface node the triangle has no
-/// area and the corners have no sign; a wedge merged at both ends has no volume. That is a sharp
+/// Jacobians of a prism's map: three corners at each end, the centre. Signs agree with the cells
+/// of the side. At an end where the two points of the arc have merged the triangle has no
+/// area and the corners have no sign; a prism merged at both ends has no volume. That is a sharp
 /// rim, nothing is turned over there, and nothing is looked at (`None`).
-fn wedge_jacobians(shell: Shell<'_>, side: Side, step: EdgeStep) -> [Option<f64>; 7] {
-    let here = End::of(shell, side, step.here, step.nodes[0]);
-    let next = End::of(shell, side, step.next, step.nodes[1]);
-    let along = [next.medial - here.medial, next.crest - here.crest, next.skin - here.skin];
+fn prism_jacobians(here: &End, next: &End) -> [Option<f64>; 7] {
+    let along = [next.medial - here.medial, next.outer - here.outer, next.inner - here.inner];
     let mut jacobians = [None; 7];
-    let (mut crest, mut skin) = (Vector3::zeros(), Vector3::zeros());
-    for (end, corners) in [&here, &next].into_iter().zip(jacobians.chunks_mut(3)) {
-        let sides = [end.crest - end.medial, end.skin - end.medial];
-        (crest, skin) = (crest + sides[0], skin + sides[1]);
+    let (mut outer, mut inner) = (Vector3::zeros(), Vector3::zeros());
+    for (end, corners) in [here, next].into_iter().zip(jacobians.chunks_mut(3)) {
+        let sides = [end.outer - end.medial, end.inner - end.medial];
+        (outer, inner) = (outer + sides[0], inner + sides[1]);
         if !end.is_merged {
             for (corner, along) in corners.iter_mut().zip(along) {
                 *corner = Some(determinant([sides[0], sides[1], along]));
@@ -201,7 +233,7 @@ fn wedge_jacobians(shell: Shell<'_>, side: Side, step: EdgeStep) -> [Option<f64>
     }
     if !(here.is_merged && next.is_merged) {
         let along = (along[0] + along[1] + along[2]) / 3.0;
-        jacobians[6] = Some(determinant([crest / 2.0, skin / 2.0, along]));
+        jacobians[6] = Some(determinant([outer / 2.0, inner / 2.0, along]));
     }
     jacobians
 }

@@ -43,6 +43,7 @@ pub fn mend_crest(nodes: &mut Nodes, level: &Field, cancel: &dyn Cancel) -> Resu
     let mut mended = Mended::default();
     for round in 0..=TURNS + CUTS {
         cancel.check()?;
+        nodes.straighten_arcs();
         let bad = turned_over(nodes, &edge);
         mended.left = bad.iter().map(|&place| edge[place]).collect();
         if bad.is_empty() || round == TURNS + CUTS {

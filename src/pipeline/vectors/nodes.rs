@@ -2,7 +2,7 @@
 
 use nalgebra::{Point2, Point3};
 
-use crate::model::{LatticeSize, PerSurface, Shell};
+use crate::model::{Flanks, LatticeSize, NodeRepair, PerSurface, Shell, ring, straight_flanks};
 
 /// The nodes of a figure in work space.
 #[derive(Clone, Debug)]
@@ -19,10 +19,24 @@ pub struct Nodes {
     pub lower: Vec<Point3<f64>>,
     /// Crest points in the order of [`ring`](crate::model::ring).
     pub crest: Vec<Point3<f64>>,
+    /// The flanks of the arc through each.
+    pub flanks: Vec<Flanks>,
     /// Whether a node lies on all three surfaces.
     pub valid: Vec<bool>,
+    /// What was done to each so that no vectors cross.
+    pub repaired: Vec<Option<NodeRepair>>,
     /// Plane coordinates on each surface, voxels.
     pub intrinsic: PerSurface<Vec<Point2<f64>>>,
+}
+
+impl Nodes {
+    /// Lets all arcs lead straight from the surface nodes to the crest points.
+    pub fn straighten_arcs(&mut self) {
+        self.flanks.clear();
+        for (node, &crest) in ring(self.size).into_iter().zip(&self.crest) {
+            self.flanks.push(straight_flanks(self.upper[node], crest, self.lower[node]));
+        }
+    }
 }
 
 impl<'a> From<&'a Nodes> for Shell<'a> {
@@ -33,6 +47,7 @@ impl<'a> From<&'a Nodes> for Shell<'a> {
             upper: &nodes.upper,
             lower: &nodes.lower,
             crest: &nodes.crest,
+            flanks: &nodes.flanks,
             valid: &nodes.valid,
         }
     }

@@ -46,7 +46,9 @@ pub fn paper(
         upper: on_side(&sheet.upper, &flat.upper, &lattices.upper, &solid.level, cancel)?,
         lower: on_side(&sheet.lower, &flat.lower, &lattices.lower, &solid.level, cancel)?,
         crest,
+        flanks: Vec::new(),
         valid: valid_on_all(&lattices),
+        repaired: vec![None; medial.len()],
         intrinsic: PerSurface {
             medial: lattices.medial.nodes,
             upper: lattices.upper.nodes,

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::spoked_lattice::SpokedLattice;
+use super::spoked_lattice::{SpokedLattice, longest};
 use crate::cancel::Cancelled;
 
 /// What a vector is shortened to in a round. At 0.95 the rounds are over while four of 33 structures still fold; at 0.7
@@ -46,26 +46,45 @@ impl SpokedLattice<'_> {
         self.lengths[side][n] = low;
     }
 
-    /// Nodes with a spoke that ends before the boundary.
+    /// Nodes with a spoke that was cut short.
     ///
     /// # Errors
     /// When it is cancelled.
     pub fn short(&self) -> Result<BTreeSet<usize>, Cancelled> {
-        let mut short = BTreeSet::new();
-        for n in 0..self.medial.len() {
-            self.cancel.check()?;
-            if self.falls_short(0, n) || self.falls_short(1, n) {
-                short.insert(n);
-            }
-        }
-        Ok(short)
+        self.nodes_where(Self::falls_short)
     }
 
-    /// Whether a spoke ends before the boundary, because it was cut or never meets it.
+    /// Nodes with a spoke that runs past its foot.
+    ///
+    /// # Errors
+    /// When it is cancelled.
+    pub fn past_foot(&self) -> Result<BTreeSet<usize>, Cancelled> {
+        self.nodes_where(Self::runs_past_foot)
+    }
+
+    /// Nodes of which something holds on a side.
+    fn nodes_where(&self, holds: impl Fn(&Self, usize, usize) -> bool) -> Result<BTreeSet<usize>, Cancelled> {
+        let mut nodes = BTreeSet::new();
+        for n in 0..self.medial.len() {
+            self.cancel.check()?;
+            if holds(self, 0, n) || holds(self, 1, n) {
+                nodes.insert(n);
+            }
+        }
+        Ok(nodes)
+    }
+
+    /// Whether a spoke ends before it need.
     fn falls_short(&self, side: usize, n: usize) -> bool {
         /// Share of a length that rounding may take.
         const ROUNDING: f64 = 1e-6;
-        let whole = self.around.boundary(&self.medial[n], self.directions[side][n]);
-        whole.is_none_or(|whole| self.lengths[side][n] < whole * (1.0 - ROUNDING))
+        let whole = self.around.length(&self.medial[n], self.directions[side][n]);
+        self.lengths[side][n] < whole * (1.0 - ROUNDING)
+    }
+
+    /// Whether a spoke does not meet the boundary within [`longest`].
+    fn runs_past_foot(&self, side: usize, n: usize) -> bool {
+        let node = &self.medial[n];
+        self.around.boundary(node, self.directions[side][n]).is_none_or(|length| length > longest(node))
     }
 }

@@ -31,10 +31,28 @@ pub trait Surroundings {
     /// Length from a node along a direction to the boundary, voxels; `None` where it is not met within [`reach`].
     fn boundary(&self, node: &Node, direction: Vector3<f64>) -> Option<f64>;
 
-    /// Length of a spoke that is not cut short, voxels.
+    /// Length of a spoke that is not cut short, voxels: to the boundary, but no further than [`longest`].
     fn length(&self, node: &Node, direction: Vector3<f64>) -> f64 {
-        self.boundary(node, direction).unwrap_or(reach(node))
+        self.boundary(node, direction).unwrap_or(reach(node)).min(longest(node))
     }
+
+    /// The place nearest to `to`, on the way there from the sheet's own at `place`, at which a node is still well inside.
+    fn held(&self, place: Point2<f64>, to: Point3<f64>) -> Point3<f64> {
+        /// Halvings of the way. With fewer, nodes beside a thin part go all the way back; more only take longer.
+        const HALVINGS: usize = 4;
+        let own = self.node(place).position;
+        let mut way = to - own;
+        for _ in 0..HALVINGS {
+            if self.is_well_inside(own + way, own) {
+                return own + way;
+            }
+            way /= 2.0;
+        }
+        own
+    }
+
+    /// Whether a place is inside of the solid, and not much less deep than one that is on the sheet.
+    fn is_well_inside(&self, place: Point3<f64>, on_sheet: Point3<f64>) -> bool;
 }
 
 /// How far from a node the boundary is looked for, voxels. With half of the radii 25 nodes of 75 organs and shapes end
@@ -43,6 +61,16 @@ pub trait Surroundings {
 #[must_use]
 pub fn reach(node: &Node) -> f64 {
     3.0 * node.value.max(1.0) + 4.0
+}
+
+/// Length of a node's spokes at most, voxels: its ball touches the boundary at the radius, and a spoke that is longer runs
+/// past that place, along the sheet or into another one. Less cuts those short that only lean, and what the radius
+/// is not known to; with more, lengths are no longer those of the ball.
+#[must_use]
+pub fn longest(node: &Node) -> f64 {
+    const LEAN: f64 = 1.15;
+    const UNKNOWN: f64 = 0.4;
+    LEAN * node.value + UNKNOWN
 }
 
 /// A lattice whose spokes are being laid.
@@ -59,6 +87,10 @@ pub struct SpokedLattice<'a> {
     pub hand: f64,
     /// Nodes with a spoke that was turned, or a place that was moved.
     pub touched: BTreeSet<usize>,
+    /// Nodes that would have run into a neighbour.
+    pub merged: BTreeSet<usize>,
+    /// Mean distance of each node's neighbours from it before anything was moved, voxels.
+    pub spacing: Vec<f64>,
     /// What they lie in.
     pub around: &'a dyn Surroundings,
     /// Who may ask to stop.
@@ -157,7 +189,9 @@ impl SpokedLattice<'_> {
             upper: self.ends(0),
             lower: self.ends(1),
             crest,
+            flanks: Vec::new(),
             valid: self.lattice.valid.clone(),
+            repaired: vec![None; self.medial.len()],
             intrinsic: PerSurface { medial: flat.clone(), upper: flat.clone(), lower: flat.clone() },
         }
     }
@@ -167,6 +201,21 @@ impl SpokedLattice<'_> {
 fn is_illegal(edges: [Vector3<f64>; 3], hand: f64) -> bool {
     let volume = edges.iter().map(Vector3::norm).product::<f64>();
     hand * determinant(edges) <= LEAST * volume
+}
+
+/// Mean distance of each node's neighbours along the lattice from it.
+#[must_use]
+pub fn spacing(size: LatticeSize, nodes: &[Node]) -> Vec<f64> {
+    let mut spacing = Vec::with_capacity(nodes.len());
+    for (n, node) in nodes.iter().enumerate() {
+        let around = nodes_around(size, n, false);
+        let mut sum = 0.0;
+        for &m in &around {
+            sum += (nodes[m].position - node.position).norm();
+        }
+        spacing.push(sum / around.len().max(1) as f64);
+    }
+    spacing
 }
 
 /// Nodes around a node of a lattice, row by row, itself not included: eight with those across the corner, four without.

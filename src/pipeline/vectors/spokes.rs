@@ -6,10 +6,8 @@
 
 use nalgebra::{Point2, Point3, Vector3};
 
-use super::crest::Ahead;
-use super::spoked_lattice::{Surroundings, reach};
+use super::spoked_lattice::{Surroundings, longest, reach};
 use crate::cancel::{Cancel, Cancelled};
-use crate::model::{LatticeSize, ring};
 use crate::pipeline::lattice::map::{Node, SpaceFromPlane};
 use crate::pipeline::sides::SheetSides;
 use crate::pipeline::solid::Solid;
@@ -30,8 +28,31 @@ pub struct Body<'a> {
 }
 
 impl Surroundings for Body<'_> {
+    /// That of the map; where the fit leads out of the solid, as over a hole or at a thin edge, drawn back to the sheet.
     fn node(&self, place: Point2<f64>) -> Node {
-        self.map.node(place)
+        /// Halvings of the way back: after them the node is on the sheet's point.
+        const HALVINGS: usize = 4;
+        let mut node = self.map.node(place);
+        if self.solid.level.at(node.position) > 0.0 {
+            return node;
+        }
+        let own = self.point_inside(place).unwrap_or(node.position);
+        for round in 1..=HALVINGS {
+            let way = node.position - own;
+            node.position = if round < HALVINGS { own + way / 2.0 } else { own };
+            if self.solid.level.at(node.position) > 0.0 {
+                break;
+            }
+        }
+        node.value = self.radius(node.position);
+        node
+    }
+
+    fn is_well_inside(&self, place: Point3<f64>, on_sheet: Point3<f64>) -> bool {
+        /// Share of the depth on the sheet. With less, nodes come to lie under the skin, and a vector to the other side is
+        /// as long as the organ is thick; with 1 they may not be moved off the sheet at all.
+        const LEAST_SHARE: f64 = 0.5;
+        self.solid.level.at(place) > 0.0 && self.radius(place) >= LEAST_SHARE * self.radius(on_sheet)
     }
 
     fn radius(&self, place: Point3<f64>) -> f64 {
@@ -44,37 +65,59 @@ impl Surroundings for Body<'_> {
 }
 
 impl Body<'_> {
+    /// The point of the sheet nearest to a place in the plane that lies inside of the solid.
+    fn point_inside(&self, place: Point2<f64>) -> Option<Point3<f64>> {
+        let mut nearest = (f64::INFINITY, None);
+        for (flat, position) in self.map.points() {
+            let gap = (flat - place).norm_squared();
+            if gap < nearest.0 && self.solid.level.at(position) > 0.0 {
+                nearest = (gap, Some(position));
+            }
+        }
+        nearest.1
+    }
+
     /// Unit directions of the upper and of the lower spokes of nodes. `hand`: that of [`upper_sign`].
     ///
     /// # Errors
     /// When it is cancelled.
-    pub fn spokes(&self, medial: &[Node], hand: f64, cancel: &dyn Cancel) -> Result<[Vec<Vector3<f64>>; 2], Cancelled> {
+    pub fn spokes(
+        &self,
+        medial: &mut [Node],
+        hand: f64,
+        cancel: &dyn Cancel,
+    ) -> Result<[Vec<Vector3<f64>>; 2], Cancelled> {
         let mut spokes = [Vec::with_capacity(medial.len()), Vec::with_capacity(medial.len())];
         for node in medial {
             cancel.check()?;
-            let [upper, lower] = spoke_directions(node, hand);
-            spokes[0].push(self.aimed(node, upper));
-            spokes[1].push(self.aimed(node, lower));
+            let normal = normal(node) * hand;
+            let [upper, lower] = spoke_directions(node, normal);
+            if self.misses(node, upper) || self.misses(node, lower) {
+                // Or it is the fit of the radius that is wrong: where other sheets are met it rises within a voxel or two.
+                node.value = node.value.max(self.radius(node.position));
+            }
+            spokes[0].push(self.aimed(node, upper, normal));
+            spokes[1].push(self.aimed(node, lower, -normal));
         }
         Ok(spokes)
     }
 
+    /// Whether a spoke runs past its foot.
+    fn misses(&self, node: &Node, direction: Vector3<f64>) -> bool {
+        self.boundary(node, direction).is_none_or(|length| length > longest(node))
+    }
+
     /// A spoke's direction, or that of the foot itself when the spoke passes it by: at a concave edge, which
-    /// a spoke a few degrees off misses.
-    fn aimed(&self, node: &Node, direction: Vector3<f64>) -> Vector3<f64> {
-        /// Length in radii, and what is added in voxels, above which a spoke has missed its foot. At 1.1 radii spokes are
-        /// turned that only lean, and a fifth more nodes have to be mended; at 3 there is one node more to cut short
-        /// where four sheets meet at right angles.
-        const MISSED: (f64, f64) = (1.3, 1.0);
-        /// Cosine between the spoke and the foot at the least: 60°. Any foot between 37° and 78° does as well on scans.
-        const SAME_SIDE: f64 = 0.5;
-        if self.length(node, direction) <= MISSED.0 * node.value + MISSED.1 {
+    /// a spoke a few degrees off misses, and where the sheet ends more bluntly than its radius says. `side`: the sheet's
+    /// normal on that side.
+    fn aimed(&self, node: &Node, direction: Vector3<f64>, side: Vector3<f64>) -> Vector3<f64> {
+        if !self.misses(node, direction) {
             return direction;
         }
         let (mut foot, mut least) = (Vector3::zeros(), f64::INFINITY);
         for skin in &self.depth.skin {
             let way = skin.position - node.position;
-            if way.dot(&direction) > SAME_SIDE * way.norm() && way.norm_squared() < least {
+            if way.dot(&side) > 0.0 && way.norm_squared() < least {
                 (foot, least) = (way, way.norm_squared());
             }
         }
@@ -105,10 +148,14 @@ pub fn upper_sign(
     Ok(if agreement < 0.0 { -1.0 } else { 1.0 })
 }
 
-/// Unit directions of the upper and the lower spoke of the formula above.
-fn spoke_directions(node: &Node, sign: f64) -> [Vector3<f64>; 2] {
+/// Unit normal of the sheet at a node.
+fn normal(node: &Node) -> Vector3<f64> {
+    node.tangents[0].cross(&node.tangents[1]).try_normalize(1e-9).unwrap_or_else(Vector3::z)
+}
+
+/// Unit directions of the upper and the lower spoke of the formula above. `normal`: towards the upper side.
+fn spoke_directions(node: &Node, normal: Vector3<f64>) -> [Vector3<f64>; 2] {
     let [pu, pv] = node.tangents;
-    let normal = pu.cross(&pv).try_normalize(1e-9).unwrap_or_else(Vector3::z) * sign;
     let (g11, g12, g22) = (pu.norm_squared(), pu.dot(&pv), pv.norm_squared());
     let det = (g11 * g22 - g12 * g12).max(1e-9);
     let [ru, rv] = node.slopes;
@@ -117,34 +164,4 @@ fn spoke_directions(node: &Node, sign: f64) -> [Vector3<f64>; 2] {
     let gradient = gradient * (slope.min(MAX_SLOPE) / slope.max(1e-9));
     let height = (1.0 - gradient.norm_squared()).sqrt();
     [normal * height - gradient, -normal * height - gradient]
-}
-
-/// Turns the spokes of the edge towards the crest, but for where other sheets are met. `ahead`: what lies ahead of the
-/// edge, in the order of [`ring`].
-pub fn fan_out(spokes: &mut [Vec<Vector3<f64>>; 2], medial: &[Node], size: LatticeSize, ahead: &[Ahead]) {
-    for (n, ahead) in ring(size).into_iter().zip(ahead) {
-        if !ahead.is_hinge {
-            spokes[0][n] = fanned(&medial[n], spokes[0][n], ahead);
-            spokes[1][n] = fanned(&medial[n], spokes[1][n], ahead);
-        }
-    }
-}
-
-/// The direction of an edge node's spoke, turned towards the crest where the sheet ends abruptly. At a
-/// round end the spokes of the rim fan out from one side to the other; a node near it stands for
-/// them, and takes the one half way to the crest. Further from the rim it keeps its own.
-fn fanned(node: &Node, direction: Vector3<f64>, ahead: &Ahead) -> Vector3<f64> {
-    /// Distances to the rim, in radii, up to which a node stands for the fan, and from which on it
-    /// does not. With 0 for the one, or 0.5 for the other, less of the ends is covered; with 0.5 for the one, or 1.5 for
-    /// the other, more is, but with 1.5 spokes lean that are not of the rim, and cross.
-    const NEAR: f64 = 0.25;
-    const FAR: f64 = 0.75;
-    let far = ((ahead.rim - node.position).norm() / node.value.max(1e-6) - NEAR) / (FAR - NEAR);
-    let widest = std::f64::consts::FRAC_PI_4 * (1.0 + far.clamp(0.0, 1.0));
-    let angle = direction.angle(&ahead.outward);
-    let across = (direction - ahead.outward * direction.dot(&ahead.outward)).try_normalize(1e-9);
-    match across {
-        Some(across) if angle > widest => ahead.outward * widest.cos() + across * widest.sin(),
-        _ => direction,
-    }
 }

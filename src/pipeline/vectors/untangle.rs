@@ -4,7 +4,8 @@
 //!    fold a cell (see [`spoked_lattice`](super::spoked_lattice)), so that undoes the fold.
 //! 2. Where the sheet itself is folded, its nodes are moved between their neighbours too: in the plane and back onto
 //!    the sheet.
-//! 3. Where that is of no use, they are moved in space.
+//! 3. Where that is of no use, they are moved in space, but stay inside of the solid.
+//!    Nodes that would run into each other are left where they are, and named.
 //! 4. What is left is shortened, and then given back what it can have ([`shorten`](super::shorten)).
 
 use std::collections::BTreeSet;
@@ -13,7 +14,8 @@ use nalgebra::{Point2, Point3, Vector2, Vector3};
 
 use super::spoked_lattice::{SpokedLattice, Tangle, nodes_around};
 use crate::cancel::Cancelled;
-use crate::model::ring;
+use crate::model::{LatticeSize, ring};
+use crate::pipeline::lattice::map::Node;
 
 /// What is done in a round against crossing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -107,17 +109,18 @@ impl SpokedLattice<'_> {
         let (old_flat, old) = (self.lattice.nodes.clone(), self.medial.clone());
         for &n in nodes {
             self.cancel.check()?;
+            self.touched.insert(n);
             let (mut flat, mut place, mut count) = (old_flat[n].coords, old[n].position.coords, 1.0);
-            for m in nodes_around(self.lattice.size, n, false) {
+            for m in those_it_lies_between(self.lattice.size, n) {
                 flat += old_flat[m].coords;
                 place += old[m].position.coords;
                 count += 1.0;
             }
-            self.lattice.nodes[n] = Point2::from(flat / count);
+            let flat = Point2::from(flat / count);
             if means == Means::Slide {
-                self.medial[n] = self.around.node(self.lattice.nodes[n]);
+                self.put(n, flat, self.around.node(flat));
             } else {
-                self.move_in_space(n, Point3::from(place / count));
+                self.put_in_space(n, flat, Point3::from(place / count));
             }
             self.let_reach(0, n);
             self.let_reach(1, n);
@@ -125,10 +128,47 @@ impl SpokedLattice<'_> {
         Ok(())
     }
 
-    /// Moves a node; the tangents stay.
-    fn move_in_space(&mut self, n: usize, to: Point3<f64>) {
-        self.medial[n].position = to;
-        self.medial[n].value = self.around.radius(to);
+    /// Moves a node in space, as far as it stays well inside; the tangents stay.
+    fn put_in_space(&mut self, n: usize, flat: Point2<f64>, to: Point3<f64>) {
+        let position = self.around.held(flat, to);
+        let node = Node { position, value: self.around.radius(position), ..self.medial[n] };
+        self.put(n, flat, node);
+    }
+
+    /// Moves a node, unless it would run into a neighbour.
+    fn put(&mut self, n: usize, flat: Point2<f64>, node: Node) {
+        /// Distance from a neighbour below which a node has run into it, as a share of what it was from all of them. With
+        /// none, nodes of folded sheets end in one point; with much more, nodes may not go where they are needed.
+        const NEAREST: f64 = 0.1;
+        for m in nodes_around(self.lattice.size, n, false) {
+            let neighbor = self.medial[m].position;
+            let (before, after) = ((self.medial[n].position - neighbor).norm(), (node.position - neighbor).norm());
+            if after < before && after < NEAREST * self.spacing[n] {
+                self.merged.insert(n);
+                return;
+            }
+        }
+        self.lattice.nodes[n] = flat;
+        self.medial[n] = node;
+    }
+
+    /// Nodes that were moved off the sheet.
+    ///
+    /// # Errors
+    /// When it is cancelled.
+    pub fn off_sheet(&self) -> Result<BTreeSet<usize>, Cancelled> {
+        /// Distance from the sheet from which on a node is off it, in radii, and what is added in voxels: thickness
+        /// changes by less than the one, and the sheet is not known better than to the other.
+        const OFF: (f64, f64) = (0.1, 0.5);
+        let mut off = BTreeSet::new();
+        for &n in &self.touched {
+            self.cancel.check()?;
+            let own = self.around.node(self.lattice.nodes[n]);
+            if (own.position - self.medial[n].position).norm() > OFF.0 * own.value + OFF.1 {
+                off.insert(n);
+            }
+        }
+        Ok(off)
     }
 
     /// Draws the spokes of some edge nodes towards those of the nodes around them.
@@ -155,9 +195,23 @@ impl SpokedLattice<'_> {
                 flat += old_flat[m].coords;
                 place += old[m].position.coords;
             }
-            self.lattice.nodes[n] = Point2::from(flat / 3.0);
-            self.move_in_space(n, Point3::from(place / 3.0));
+            self.put_in_space(n, Point2::from(flat / 3.0), Point3::from(place / 3.0));
+            self.touched.insert(n);
         }
+    }
+}
+
+/// The neighbours that a node lies between: four, of one on the edge those along it, of a corner none. Drawn inward, the
+/// edge would shrink, and with it the whole sheet.
+fn those_it_lies_between(size: LatticeSize, n: usize) -> Vec<usize> {
+    let LatticeSize { rows, cols } = size;
+    let (i, j) = (n / cols, n % cols);
+    let (is_at_end, is_at_side) = (i == 0 || i + 1 == rows, j == 0 || j + 1 == cols);
+    match (is_at_end, is_at_side) {
+        (true, true) => Vec::new(),
+        (true, false) => vec![n - 1, n + 1],
+        (false, true) => vec![n - cols, n + cols],
+        (false, false) => nodes_around(size, n, false),
     }
 }
 
@@ -165,9 +219,7 @@ impl SpokedLattice<'_> {
 mod tests {
     use super::*;
     use crate::cancel::Never;
-    use crate::model::LatticeSize;
     use crate::pipeline::lattice::Lattice;
-    use crate::pipeline::lattice::map::Node;
     use crate::pipeline::vectors::spoked_lattice::Surroundings;
 
     const SIZE: LatticeSize = LatticeSize { rows: 5, cols: 6 };
@@ -185,6 +237,10 @@ mod tests {
             2.0
         }
 
+        fn is_well_inside(&self, place: Point3<f64>, _: Point3<f64>) -> bool {
+            place.z.abs() < 1.0
+        }
+
         fn boundary(&self, _: &Node, direction: Vector3<f64>) -> Option<f64> {
             Some(2.0 / direction.z.abs().max(0.1))
         }
@@ -200,6 +256,8 @@ mod tests {
             // (i, j) = (v, u), upward: left-handed.
             hand: -1.0,
             touched: BTreeSet::new(),
+            merged: BTreeSet::new(),
+            spacing: vec![1.0; 30],
             around: &TwoPlanes,
             cancel: &Never,
         }

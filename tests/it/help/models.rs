@@ -5,8 +5,9 @@ use medialrep::model::FrameFacts;
 use medialrep::model::LatticeSize;
 use medialrep::model::Refusal;
 use medialrep::model::{
-    Coverage, Figure, FigureQuality, FlatPoints, Junction, LabelPart, LatticePlace, Model, PerSurface, Pruning, Reason,
-    Repair, Sheet, Side, StageTimings, Structure, StructureQuality, TriangleMesh, Verdict, ring,
+    Coverage, Figure, FigureQuality, Flanks, FlatPoints, Junction, LabelPart, LatticePlace, Model, PerSurface, Pruning,
+    Reason, Repair, Sheet, Side, StageTimings, Structure, StructureQuality, TriangleMesh, Verdict, ring,
+    straight_flanks,
 };
 use medialrep::model::{Stage, Warning};
 use medialrep::params::Params;
@@ -29,12 +30,16 @@ pub fn bent_slab(grid: LatticeSize) -> Sheet {
     let upper: Vec<WorldPoint> = flat.iter().map(|uv| at(uv, 3.0 + uv.y / 40.0)).collect();
     let lower: Vec<WorldPoint> = flat.iter().map(|uv| at(uv, -2.0)).collect();
     let center = WorldPoint::from(medial.iter().map(|p| p.coords).sum::<WorldVector>() / medial.len() as f64);
-    let crest = ring(grid).iter().map(|n| medial[*n] + (medial[*n] - center).normalize() * 2.5).collect();
+    let crest: Vec<WorldPoint> =
+        ring(grid).iter().map(|n| medial[*n] + (medial[*n] - center).normalize() * 2.5).collect();
+    let flanks = flanks_of(grid, &upper, &crest, &lower);
     let points = |positions: &Vec<WorldPoint>| FlatPoints { positions: positions.clone(), flat: flat.clone() };
     Sheet {
         grid,
         crest,
+        flanks,
         valid: vec![true; flat.len()],
+        repaired: vec![None; flat.len()],
         medial_radius_mm: vec![2.0; flat.len()],
         area_distortion: vec![Some(0.25); flat.len()],
         intrinsic: PerSurface { medial: flat.clone(), upper: flat.clone(), lower: flat.clone() },
@@ -69,17 +74,31 @@ pub fn flat_slab(size: LatticeSize) -> Nodes {
         .collect();
     let at = |z: f64| plane.iter().map(|p| Point3::new(p.y, p.x, z)).collect::<Vec<_>>();
     let medial = at(0.0);
-    let crest = ring(size).iter().map(|&n| medial[n] + outward(size, n)).collect();
+    let crest: Vec<_> = ring(size).iter().map(|&n| medial[n] + outward(size, n)).collect();
     Nodes {
         size,
         radii: vec![1.5; medial.len()],
+        flanks: flanks_of(size, &at(1.5), &crest, &at(-1.5)),
         upper: at(1.5),
         lower: at(-1.5),
         crest,
         valid: vec![true; medial.len()],
+        repaired: vec![None; medial.len()],
         intrinsic: PerSurface { medial: plane.clone(), upper: plane.clone(), lower: plane },
         medial,
     }
+}
+
+/// Straight arcs over the crest.
+fn flanks_of(size: LatticeSize, upper: &[WorldPoint], crest: &[WorldPoint], lower: &[WorldPoint]) -> Vec<Flanks> {
+    ring(size).iter().zip(crest).map(|(&n, &crest)| straight_flanks(upper[n], crest, lower[n])).collect()
+}
+
+/// The same nodes with straight arcs over their crest.
+pub fn with_straight_arcs(nodes: &Nodes) -> Nodes {
+    let mut nodes = nodes.clone();
+    nodes.straighten_arcs();
+    nodes
 }
 
 /// Away from the lattice at an edge node of [`flat_slab`].

@@ -6,7 +6,7 @@ use super::super::rounded::{Rounded, numbers, optional, pairs, triples};
 use super::evidence::{AutomaticDoc, FrameDoc, UncertaintyDoc};
 use super::quality::FigureQualityDoc;
 use super::surfaces::Surfaces;
-use crate::model::{Figure, LatticeSize, LengthSummary, Sheet, Side, ThicknessSummary};
+use crate::model::{Figure, LatticeSize, LengthSummary, NodeRepair, Sheet, Side, ThicknessSummary};
 use crate::space::WorldVector;
 
 /// A figure, by its `kind`.
@@ -32,7 +32,11 @@ pub struct SheetDoc {
     pub upper: Vec<[Rounded; 3]>,
     pub lower: Vec<[Rounded; 3]>,
     pub crest: Vec<[Rounded; 3]>,
+    #[serde(default)]
+    pub crest_arcs: Vec<Vec<[Rounded; 3]>>,
     pub valid: Vec<bool>,
+    #[serde(default)]
+    pub repaired: Vec<Option<NodeRepair>>,
     pub vectors: Sides<Vec<[Rounded; 3]>>,
     pub thickness: ThicknessDoc,
     pub thickness_summary: SummaryDoc,
@@ -124,7 +128,9 @@ impl SheetDoc {
             upper: triples(&sheet.upper),
             lower: triples(&sheet.lower),
             crest: triples(&sheet.crest),
+            crest_arcs: sheet.crest_arcs().iter().map(|arc| triples(arc)).collect(),
             valid: sheet.valid.clone(),
+            repaired: sheet.repaired.clone(),
             vectors: Sides { upper: displacements(&vectors.upper), lower: displacements(&vectors.lower) },
             thickness: ThicknessDoc {
                 upper_mm: numbers(&sheet.lengths_mm(Side::Upper)),

@@ -21,6 +21,12 @@ pub struct FigureQualityDoc {
     pub folds_before_repair: usize,
     pub repaired_nodes: usize,
     pub shortened_nodes: usize,
+    #[serde(default)]
+    pub past_foot_nodes: usize,
+    #[serde(default)]
+    pub off_sheet_nodes: usize,
+    #[serde(default)]
+    pub merged_nodes: usize,
     pub corners: usize,
     pub folded_cells: Vec<PlaceDoc>,
     pub folded_centres: usize,
@@ -65,6 +71,12 @@ pub struct QualityDoc {
     pub folds_before_repair: usize,
     pub repaired_nodes: usize,
     pub shortened_nodes: usize,
+    #[serde(default)]
+    pub past_foot_nodes: usize,
+    #[serde(default)]
+    pub off_sheet_nodes: usize,
+    #[serde(default)]
+    pub merged_nodes: usize,
     pub folded_centres: usize,
     pub folded_wedges: usize,
     pub self_intersections: Option<usize>,
@@ -177,6 +189,9 @@ impl From<&FigureQuality> for FigureQualityDoc {
             folds_before_repair: quality.repair.folds_before,
             repaired_nodes: quality.repair.moved_nodes,
             shortened_nodes: quality.repair.shortened_nodes,
+            past_foot_nodes: quality.repair.past_foot_nodes,
+            off_sheet_nodes: quality.repair.off_sheet_nodes,
+            merged_nodes: quality.repair.merged_nodes,
             corners: quality.corners,
             folded_cells: quality.folded_cells.iter().map(PlaceDoc::from).collect(),
             folded_centres: quality.folded_centres,
@@ -219,6 +234,9 @@ impl From<&StructureQuality> for QualityDoc {
             folds_before_repair: quality.repair.folds_before,
             repaired_nodes: quality.repair.moved_nodes,
             shortened_nodes: quality.repair.shortened_nodes,
+            past_foot_nodes: quality.repair.past_foot_nodes,
+            off_sheet_nodes: quality.repair.off_sheet_nodes,
+            merged_nodes: quality.repair.merged_nodes,
             folded_centres: quality.folded_centres,
             folded_wedges: quality.folded_wedges,
             self_intersections: quality.self_intersections,
