@@ -4,6 +4,9 @@ use std::borrow::Cow;
 
 use serde::{Deserialize, Serialize};
 
+use crate::params::LENGTH_MM;
+use crate::space::significant;
+
 /// A shape that is refused by name. Lengths are mm.
 #[derive(Clone, Debug, PartialEq, thiserror::Error, Serialize, Deserialize)]
 pub enum Refusal {
@@ -19,7 +22,7 @@ pub enum Refusal {
     #[error("the mask is empty: every voxel is 0")]
     EmptyMask,
     /// Thinner than the grid can resolve.
-    #[error("the object is {thickness_mm:.2} mm thick, under {voxels:.1} voxels of {voxel_mm:.2} mm")]
+    #[error("the object is {} mm thick: {voxels:.1} voxels of {} mm", significant(*thickness_mm), significant(*voxel_mm))]
     TooThin {
         /// Largest inscribed diameter, mm.
         thickness_mm: f64,
@@ -39,14 +42,15 @@ pub enum Refusal {
         needed: usize,
     },
     /// All three extents alike: a ball has a medial point, not a sheet.
-    #[error("the object is a ball of radius {radius_mm:.1} mm: its medial sheet is shorter than that")]
+    #[error("the object is a ball of radius {} mm: its medial sheet is shorter than that", significant(*radius_mm))]
     Ball {
         /// Largest inscribed radius.
         radius_mm: f64,
     },
     /// Two extents alike: a tube has a medial curve, not a sheet.
     #[error(
-        "the object is a tube of radius {radius_mm:.1} mm: its medial set is {length_mm:.1} mm long and narrower than that radius"
+        "the object is a tube of radius {} mm: its medial set is {} mm long and narrower than that radius",
+        significant(*radius_mm), significant(*length_mm)
     )]
     Tube {
         /// Length of the medial sheet or curve.
@@ -139,9 +143,10 @@ impl Refusal {
         match self {
             Self::LabelMissing { present, .. } => format!("ask for one of the labels that are there: {present:?}"),
             Self::EmptyMask => "check the segmentation: send a mask with at least one non-zero voxel".to_owned(),
-            Self::TooThin { resolution_mm, .. } => {
-                format!("send a finer mask, or try resolution_mm {resolution_mm:.2}")
+            Self::TooThin { resolution_mm, .. } if LENGTH_MM.contains(resolution_mm) => {
+                format!("send a finer mask, or try resolution_mm {}", significant(*resolution_mm))
             }
+            Self::TooThin { .. } => "send a finer mask".to_owned(),
             Self::TooSmall { .. } => "send a finer mask or a larger object, or set a smaller resolution_mm".to_owned(),
             Self::Ball { .. } => "a ball has no medial sheet: measure it by its radius".to_owned(),
             Self::Tube { .. } => "a tube has a medial curve, not a sheet: use a centreline tool".to_owned(),

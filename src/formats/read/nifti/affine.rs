@@ -4,7 +4,7 @@ use nalgebra::{Quaternion, UnitQuaternion};
 
 use super::header::RawHeader;
 use crate::formats::read::error::ReadError;
-use crate::space::{VolumeNotice, WorldFromVoxel};
+use crate::space::{VolumeNotice, WorldFromVoxel, significant};
 
 /// Voxel edges that make sense for anatomy, mm: finer than any micro-CT, coarser than any scan.
 /// Outside them the unit is wrong.
@@ -74,7 +74,7 @@ fn checked(field: &'static str, rows: [[f64; 4]; 3]) -> Result<WorldFromVoxel, R
     let bad = |reason: String| ReadError::BadAffine { field, reason };
     let map = WorldFromVoxel::from_rows(rows).map_err(|error| bad(error.to_string()))?;
     match map.spacing_mm().iter().find(|s| !SPACING_MM.contains(s)) {
-        Some(spacing) => Err(bad(format!("a voxel edge is {spacing:e} mm, allowed is 0.0001 to 1000"))),
+        Some(spacing) => Err(bad(format!("a voxel edge is {} mm, allowed is 0.0001 to 1000", significant(*spacing)))),
         None => Ok(map),
     }
 }
@@ -91,7 +91,7 @@ fn pixel_spacing(raw: &RawHeader, dims: [usize; 3], unit_mm: f64) -> Result<[f64
         }
         spacing_mm[axis] = edge * unit_mm;
         if !SPACING_MM.contains(&spacing_mm[axis]) {
-            let reason = format!("a voxel edge is {} mm, allowed is 0.0001 to 1000", spacing_mm[axis]);
+            let reason = format!("a voxel edge is {} mm, allowed is 0.0001 to 1000", significant(spacing_mm[axis]));
             return Err(ReadError::BadAffine { field: FIELDS[axis], reason });
         }
     }
@@ -125,8 +125,8 @@ fn compare_spacing(map: &WorldFromVoxel, raw: &RawHeader, unit_mm: f64, notices:
         b > 0.0 && b.is_finite() && (a - b).abs() > SPACING_DISAGREEMENT * a
     };
     if (0..3).any(differs) {
-        let message =
-            format!("the sform says a spacing of {from_sform:.4?} mm, pixdim {from_pixdim:.4?}; the sform was taken");
+        let [a, b] = [from_sform, from_pixdim].map(|edges| edges.map(significant).join(" × "));
+        let message = format!("the sform says a spacing of {a} mm, pixdim {b}; the sform was taken");
         notices.push(VolumeNotice { code: "spacing_disagrees", message });
     }
 }
