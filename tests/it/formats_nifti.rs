@@ -256,6 +256,54 @@ fn permuted_left_handed_and_oblique_axes_are_kept() {
     }
 }
 
+/// A file whose qform says what its sform does, in the same space.
+fn with_both() -> Nifti {
+    Nifti { qform_code: 1, qoffset: [-10.0, -20.0, -30.0], ..Nifti::small(1) }
+}
+
+#[track_caller]
+fn check_contradiction(file: &Nifti, told: &[&str]) {
+    let read = read_ok(&file.bytes());
+    assert_eq!(notices(&read), ["orientations_disagree"]);
+    let message = &read.volume.notices()[0].message;
+    assert!(told.iter().all(|part| message.contains(part)), "{message}");
+}
+
+#[test]
+fn a_qform_that_contradicts_the_sform_is_noticed_with_the_difference() {
+    assert!(notices(&read_ok(&with_both().bytes())).is_empty());
+    let mut mirrored = with_both();
+    mirrored.srow[0] = [-1.0, 0.0, 0.0, -7.0];
+    check_contradiction(&mirrored, &["left and right are swapped", "mirror image"]);
+    let mut turned = with_both();
+    (turned.srow[0], turned.srow[1]) = ([-1.0, 0.0, 0.0, -7.0], [0.0, -2.0, 0.0, -16.0]);
+    check_contradiction(&turned, &["left and right are swapped, front and back are swapped"]);
+    let oblique = Nifti { quatern: [0.0, 0.0, 15f64.to_radians().sin()], ..with_both() };
+    check_contradiction(&oblique, &["up to 30.0° apart"]);
+    let moved = Nifti { qoffset: [-10.0, -20.5, -30.0], ..with_both() };
+    check_contradiction(&moved, &["the image 0.500 mm apart"]);
+}
+
+#[test]
+fn orientations_that_do_not_contradict_each_other_are_no_notice() {
+    // Half a turn, whose quaternion is rounded the most; an offset of two decimals; no rotation at all.
+    let half = Nifti {
+        srow: [[-1.0, 0.0, 0.0, 10.0], [0.0, -2.0, 0.0, 20.0], [0.0, 0.0, 3.0, -30.0]],
+        quatern: [0.0, 0.0, 0.999_999_9],
+        qoffset: [10.0, 20.0, -30.0],
+        ..with_both()
+    };
+    let rounded = Nifti { qoffset: [-10.004, -20.0, -30.0], ..with_both() };
+    let unusable = Nifti { quatern: [1.0, 1.0, 0.0], ..with_both() };
+    let in_an_atlas = Nifti { sform_code: 4, qoffset: [30.0, 0.0, 0.0], ..with_both() };
+    for file in [half, rounded, unusable, in_an_atlas] {
+        assert!(notices(&read_ok(&file.bytes())).is_empty(), "{file:?}");
+    }
+    let mut mirrored_atlas = Nifti { sform_code: 4, ..with_both() };
+    mirrored_atlas.srow[0] = [-1.0, 0.0, 0.0, -7.0];
+    check_contradiction(&mirrored_atlas, &["left and right are swapped"]);
+}
+
 #[test]
 fn an_sform_that_contradicts_pixdim_is_noticed() {
     let file = Nifti { pixdim: [1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0], ..Nifti::small(1) };

@@ -10,6 +10,8 @@ mod layout;
 
 mod affine;
 
+mod orientations;
+
 mod extensions;
 
 mod label_table;
