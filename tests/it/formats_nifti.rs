@@ -176,6 +176,50 @@ fn values_are_scaled() {
     }
 }
 
+/// The integers from `least` to `most` that a writer makes of labels, and its slope and intercept.
+fn quantised(labels: &[i64], least: i64, most: i64) -> (Vec<i64>, f64, f64) {
+    let (low, high) = (labels.iter().min().unwrap(), labels.iter().max().unwrap());
+    let slope = (high - low) as f64 / (most - least) as f64;
+    let inter = *low as f64 - slope * least as f64;
+    #[allow(clippy::cast_possible_truncation, reason = "rounded, of at most two bytes")]
+    let stored = labels.iter().map(|label| ((*label as f64 - inter) / slope).round() as i64).collect();
+    (stored, slope, inter)
+}
+
+#[test]
+fn labels_that_a_slope_has_quantised_are_read_as_they_were() {
+    let few: Vec<i64> = (0..24).map(|n| [0, 1, 3, 6][n % 4]).collect();
+    let many: Vec<i64> = (0..24).map(|n| [0, 2, 54, 103, 117, 11][n % 6]).collect();
+    let large: Vec<i64> = (0..24).map(|n| [0, 17, 1011, 2035][n % 4]).collect();
+    for (labels_meant, datatype, range, is_told) in [
+        (&few, 2, (0, 255), true),
+        (&many, 2, (0, 255), true),
+        (&few, 4, (-32768, 32767), false),
+        (&large, 4, (-32768, 32767), true),
+    ] {
+        let (values, scl_slope, scl_inter) = quantised(labels_meant, range.0, range.1);
+        let (bitpix, voxels) = stored(datatype, &values, false).unwrap();
+        let read = read_ok(&Nifti { datatype, bitpix, voxels, scl_slope, scl_inter, ..Nifti::small(1) }.bytes());
+        assert_eq!(&labels(&read), labels_meant, "slope {scl_slope}");
+        assert_eq!(notices(&read).contains(&"labels_rounded"), is_told, "slope {scl_slope}");
+    }
+}
+
+#[test]
+fn whole_numbers_in_the_other_byte_order_are_told() {
+    let meant: Vec<i64> = (0..24).map(|n| [0, 1, 3, 127][n % 4]).collect();
+    for datatype in [4, 8, 512, 768, 1024] {
+        for big_endian in [false, true] {
+            let (bitpix, voxels) = stored(datatype, &meant, !big_endian).unwrap();
+            let read = read_ok(&Nifti { datatype, bitpix, voxels, big_endian, ..Nifti::small(1) }.bytes());
+            assert_eq!(notices(&read), ["byte_order_doubtful"], "datatype {datatype}");
+            assert!(read.volume.notices()[0].message.ends_with("[1, 3, 127]"), "{:?}", read.volume.notices());
+        }
+    }
+    let (bitpix, voxels) = stored(4, &(0..24).map(|n| [0, 256, 3][n % 3]).collect::<Vec<_>>(), false).unwrap();
+    assert!(notices(&read_ok(&Nifti { datatype: 4, bitpix, voxels, ..Nifti::small(1) }.bytes())).is_empty());
+}
+
 #[test]
 fn float_labels_a_hair_off_are_whole_and_nan_is_background() {
     let values = [0.0, 1.0004, 1.9996, f32::NAN, -0.0, f32::from_bits(0x7fc0_0001)];
