@@ -136,9 +136,26 @@ fn gzip_is_told_by_its_magic_and_may_have_several_members() {
 }
 
 #[test]
+fn bytes_after_a_whole_gzip_stream_are_left_unread_and_said() {
+    let bytes = Nifti::small(1).bytes();
+    for (tail, told) in
+        [(&b"\n"[..], "1 bytes"), (b"\0\0\r\n--form--", "10 bytes"), (b"\x1f", "1 bytes"), (b"\x1f\x8b\0", "3 bytes")]
+    {
+        let mut packed = gzip(&bytes);
+        packed.extend(tail);
+        let read = read_ok(&packed);
+        assert_eq!((labels(&read), read.bytes), ((0..24).collect(), packed.len() as u64));
+        assert_eq!(notices(&read), ["bytes_after_gzip"], "{tail:?}");
+        assert!(read.volume.notices()[0].message.starts_with(told), "{:?}", read.volume.notices());
+    }
+}
+
+#[test]
 fn the_hash_is_that_of_the_file_as_sent() {
     use sha2::{Digest, Sha256};
-    for bytes in [Nifti::small(1).bytes(), gzip(&Nifti::small(2).bytes())] {
+    let mut with_tail = gzip(&Nifti::small(1).bytes());
+    with_tail.extend([b'x'; 200_000]);
+    for bytes in [Nifti::small(1).bytes(), gzip(&Nifti::small(2).bytes()), with_tail] {
         let expected: String = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
         assert_eq!(read_ok(&bytes).sha256, expected);
     }

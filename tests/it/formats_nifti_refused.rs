@@ -139,7 +139,7 @@ fn damaged_files() {
     corrupt[12] = 0xff;
     corrupt[13] = 0xff;
     assert!(["corrupt_gzip", "truncated", "bad_checksum", "not_nifti"].contains(&refusal(&corrupt).code.as_str()));
-    let mut garbage = packed;
+    let mut garbage = gzip(&bytes[..360]);
     garbage.extend(b"garbage");
     check_refused("half of the voxels, then garbage", &garbage, "corrupt_gzip", 400, "byte 360");
     let mut second = packed.clone();
@@ -180,7 +180,9 @@ fn a_megabyte_may_follow_the_voxels_and_no_more() {
     for (what, file) in [("plain", with_tail(1 << 20)), ("gzip", gzip(&with_tail(1 << 20)))] {
         assert!(read(file.as_slice(), InputLimits::default()).is_ok(), "{what}");
     }
-    for file in [with_tail((1 << 20) + 1), gzip(&with_tail((1 << 20) + 1))] {
+    let mut after_gzip = gzip(&with_tail(0));
+    after_gzip.extend(vec![7; (1 << 20) + 1]);
+    for file in [with_tail((1 << 20) + 1), gzip(&with_tail((1 << 20) + 1)), after_gzip] {
         check_refused("a long tail", &file, "trailing_data", 400, "byte 376");
     }
 }
