@@ -172,8 +172,11 @@ mod tests {
 
     #[test]
     fn what_no_reader_takes_is_refused_with_what_is_read() {
-        let error = check_magic(b"NRRD0004").unwrap_err();
-        assert_eq!(error.to_string(), "the file is not a NIfTI image: it looks like NRRD");
+        let error = check_magic(b"{}").unwrap_err();
+        assert_eq!(error.to_string(), "the file is not a NIfTI image: it looks like JSON");
         assert_eq!(error.hint(), "send the mask as NIfTI (.nii or .nii.gz)");
+        let error = check_magic(b"version https://git-lfs.github.com/spec/v1\n").unwrap_err();
+        let hint = "fetch the file itself (git lfs pull), and send the mask as NIfTI (.nii or .nii.gz)";
+        assert_eq!(error.hint(), hint);
     }
 }

@@ -33,6 +33,21 @@ fn what_is_no_nifti() {
     check_refused("gzip of nothing", &gzip(b""), "not_nifti", 415, "byte 0");
     check_header("Analyze", |f| f.magic = vec![0; 4], "not_nifti", 415, "byte 0");
     check_header("a pair", |f| f.magic = b"ni1\0".to_vec(), "two_file_nifti", 415, "header.magic");
+    let mgz: Vec<u8> = [1, 8, 8, 8, 1, 0, 0_i32].iter().flat_map(|n| n.to_be_bytes()).chain([0; 800]).collect();
+    let lfs = b"version https://git-lfs.github.com/spec/v1\noid sha256:0123\nsize 15203\n";
+    for (bytes, look) in [
+        (gzip(&mgz), "FreeSurfer"),
+        (lfs.to_vec(), "Git LFS"),
+        (b"<!DOCTYPE html>\n<html><head><title>Sign in".to_vec(), "web page"),
+        (b"<?xml version=\"1.0\"?><Error><Code>AccessDenied".to_vec(), "error message"),
+        (b"Not found\n".to_vec(), "plain text"),
+        (b"".to_vec(), "empty file"),
+        (gzip(b""), "empty file"),
+        (vec![0; 4096], "zeros"),
+    ] {
+        let problem = refusal(&bytes);
+        assert!(problem.code == "not_nifti" && problem.detail.contains(look), "{look}: {}", problem.detail);
+    }
     let pair = Nifti { magic: b"ni2\0\r\n\x1a\n".to_vec(), ..Nifti::small(2) };
     check_refused("a NIfTI-2 pair", &pair.bytes(), "two_file_nifti", 415, "header.magic");
 }

@@ -13,7 +13,7 @@ pub enum ReadError {
     #[error("the file is not a {read} image{}", .looks_like.map(looking).unwrap_or_default())]
     UnknownFormat {
         /// What it seems to be instead.
-        looks_like: Option<&'static str>,
+        looks_like: Option<Look>,
         /// Names of the formats that are read: `NIfTI`.
         read: String,
         /// The same with what their files' names end in: `NIfTI (.nii or .nii.gz)`.
@@ -106,7 +106,7 @@ pub enum ReadError {
         reason: String,
     },
     /// An intensity or probability image.
-    #[error("voxel {voxel:?} has the value {value}: labels are whole numbers")]
+    #[error("voxel {voxel:?} has the value {value:?}: labels are whole numbers")]
     NotALabelMap {
         /// Where.
         voxel: [u64; 3],
@@ -141,8 +141,17 @@ pub enum ReadError {
     Cancelled(#[from] Cancelled),
 }
 
-fn looking(like: &str) -> String {
-    format!(": it looks like {like}")
+/// What a file that is not read looks like.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Look {
+    /// What it is, with an article.
+    pub name: &'static str,
+    /// How to get at the file that was meant, where there is a way.
+    pub advice: Option<&'static str>,
+}
+
+fn looking(like: Look) -> String {
+    format!(": it looks like {}", like.name)
 }
 
 impl ReadError {
@@ -219,6 +228,9 @@ impl ReadError {
     #[must_use]
     pub fn hint(&self) -> Cow<'static, str> {
         let fixed = match self {
+            Self::UnknownFormat { looks_like: Some(Look { advice: Some(advice), .. }), read_from, .. } => {
+                return format!("{advice}, and send the mask as {read_from}").into();
+            }
             Self::UnknownFormat { read_from, .. } => return format!("send the mask as {read_from}").into(),
             Self::TwoFileNifti => "save it as a single file (.nii or .nii.gz)",
             Self::Truncated { .. } | Self::CorruptGzip { .. } | Self::BadChecksum => {
