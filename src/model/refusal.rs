@@ -102,10 +102,34 @@ pub enum Refusal {
         /// A working voxel that would do, mm.
         resolution_mm: f64,
     },
+    /// The label lies all around the image, as a background does.
+    #[error(
+        "label {label} fills {:.0} % of the image and most of each of its faces: it is the background, not an object",
+        100.0 * share
+    )]
+    Background {
+        /// Its value.
+        label: i64,
+        /// Its share of the image's voxels.
+        share: f64,
+    },
+    /// Greys where labels should be.
+    #[error(
+        "the mask has {labels} labels, {small_labels} of them of a few voxels, and {run_voxels:.1} voxels of a row on \
+         end have the same one: it is an image of intensities, not a label map"
+    )]
+    IntensityImage {
+        /// Labels.
+        labels: usize,
+        /// How many of them have a few voxels.
+        small_labels: usize,
+        /// Voxels of a row that have the same label on end, in the mean.
+        run_voxels: f64,
+    },
 }
 
-/// The codes that speak of the object's shape, not of the file it came in: all but
-/// [`Refusal::LabelMissing`] and [`Refusal::EmptyMask`].
+/// The codes that speak of the object's shape, not of the file it came in: all but those of [`Refusal::LabelMissing`],
+/// [`Refusal::EmptyMask`], [`Refusal::Background`] and [`Refusal::IntensityImage`].
 pub const SHAPE_CODES: [&str; 9] = [
     "too_thin",
     "too_small",
@@ -134,6 +158,8 @@ impl Refusal {
             Self::TooManyPoints { .. } => "too_many_points",
             Self::NoEmbedding { .. } => "no_embedding",
             Self::TooLarge { .. } => "working_grid_too_large",
+            Self::Background { .. } => "label_is_background",
+            Self::IntensityImage { .. } => "intensity_image",
         }
     }
 
@@ -159,7 +185,15 @@ impl Refusal {
                 "leave landmarks at \"auto\" and embedding at \"isomap\", or set a larger resolution_mm".to_owned()
             }
             Self::NoEmbedding { .. } => "leave embedding at \"isomap\"".to_owned(),
-            Self::TooLarge { resolution_mm, .. } => format!("set resolution_mm to {resolution_mm:.2} or more"),
+            Self::Background { .. } => {
+                "write the background as 0: change the two over if the mask is inverted; an object that fills its image \
+                 needs a border of background"
+                    .to_owned()
+            }
+            Self::IntensityImage { .. } => {
+                "threshold the image first; if these are labels, name those to work on (parameter labels)".to_owned()
+            }
+            Self::TooLarge { resolution_mm, .. } => format!("set resolution_mm to {} or more", significant(*resolution_mm)),
         }
     }
 }

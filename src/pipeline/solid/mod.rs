@@ -34,7 +34,7 @@ use nalgebra::Point3;
 use rayon::prelude::*;
 
 use self::clean::{clean, keep_one_piece};
-use self::cut_out::{Label, cut_out, warn_if_cut};
+use self::cut_out::{Label, cut_out, refuse_background, warn_if_cut};
 use self::perturb::perturbed;
 use self::resample::resample;
 use self::senses::Senses;
@@ -102,9 +102,10 @@ pub struct Masked {
 /// `resolution_mm`, or the finest spacing of the mask.
 ///
 /// # Errors
-/// [`Refusal::TooLarge`] when the working grid would be, [`Refusal::TooThin`] when nothing is
+/// [`Refusal::Background`] when the label lies all around the image, [`Refusal::TooLarge`] when the working grid would be, [`Refusal::TooThin`] when nothing is
 /// left of the object on it; when it is cancelled.
 pub fn masked(volume: &LabelVolume, label: Label, context: &Context<'_>) -> Result<Masked, PipelineError> {
+    refuse_background(volume, label)?;
     warn_if_cut(volume, label, context);
     let mut native = cut_out(volume, label, context)?;
     let plan = WorkingGrid::plan(&native, context.params.resolution_mm);
