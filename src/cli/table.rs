@@ -6,6 +6,7 @@ use serde::Serialize;
 use crate::formats::write::round;
 use crate::jobs::processed::StructureSummary;
 use crate::model::Verdict;
+use crate::space::significant;
 
 /// Columns of a table that goes to a file, and at most on a terminal: longer lines are hard to read.
 pub(super) const WIDTH: usize = 100;
@@ -65,7 +66,7 @@ fn row(structure: &StructureSummary) -> Row {
         Ok(found) => [
             found.figures.to_string(),
             found.verdict.name().to_owned(),
-            found.mean_thickness_mm.map_or("-".to_owned(), |mean_mm| format!("{mean_mm:.2} mm")),
+            found.mean_thickness_mm.map_or("-".to_owned(), |mean_mm| format!("{} mm", significant(mean_mm))),
             found.reason.as_ref().map_or(String::new(), |reason| reason.message.clone()),
         ],
     };

@@ -10,7 +10,7 @@ use super::read::sniff::{GZIP_MAGIC, guess};
 use super::read::stream::Stream;
 use super::read::{HeaderFacts, InputLimits, ReadError};
 use crate::cancel::{Cancel, Never};
-use crate::space::LabelVolume;
+use crate::space::{LabelVolume, VolumeNotice};
 
 /// A format that is read. Gzip around a file is undone before a reader sees it.
 pub struct Reader {
@@ -41,7 +41,7 @@ pub static READERS: &[Reader] = &[Reader {
 /// Bytes of a file that [`check_magic`] needs to see: as many as the most curious reader.
 pub const MAGIC_BYTES: usize = nifti::KIND_BYTES;
 
-/// Bytes tolerated after the last voxel: some tools pad or append. More means that the header
+/// Bytes tolerated after the last voxel, in gzip and after it: some tools pad or append. More means that the header
 /// does not describe the file.
 const MAX_TAIL_BYTES: u64 = 1 << 20;
 
@@ -77,10 +77,22 @@ pub fn read(source: impl Read, limits: InputLimits) -> Result<ReadVolume, ReadEr
 fn read_while(source: impl Read, limits: InputLimits, cancel: &dyn Cancel) -> Result<ReadVolume, ReadError> {
     let mut stream = Stream::open(source, limits.max_decompressed_bytes, cancel)?;
     let reader = reader_of(stream.peek(MAGIC_BYTES)?)?;
-    let Found { volume, format } = (reader.read)(&mut stream, limits)?;
+    let Found { mut volume, format } = (reader.read)(&mut stream, limits).map_err(|error| explain(error, &stream))?;
     drain(&mut stream)?;
+    if stream.foreign() > 0 {
+        let message = format!("{} bytes after the end of the gzip stream were left unread", stream.foreign());
+        volume = volume.with_notices([VolumeNotice { code: "bytes_after_gzip", message }]);
+    }
     let digested = stream.finish();
     Ok(ReadVolume { volume, sha256: digested.sha256, bytes: digested.bytes, format })
+}
+
+/// A file that ends early where gzip gave way to something else is no shorter than it should be: it is damaged there.
+fn explain(error: ReadError, stream: &Stream<'_>) -> ReadError {
+    match error {
+        ReadError::Truncated { got, .. } if stream.foreign() > 0 => ReadError::CorruptGzip { after: got },
+        error => error,
+    }
 }
 
 /// Looks at the first [`MAGIC_BYTES`] of a file, or at all of a shorter one. Gzip passes: what is
@@ -148,7 +160,7 @@ pub fn versions() -> String {
 /// whole file.
 fn drain(stream: &mut Stream<'_>) -> Result<(), ReadError> {
     let expected = stream.position();
-    if stream.skip(MAX_TAIL_BYTES + 1)? > MAX_TAIL_BYTES {
+    if stream.skip(MAX_TAIL_BYTES + 1)? + stream.drop_foreign(MAX_TAIL_BYTES + 1)? > MAX_TAIL_BYTES {
         return Err(ReadError::TrailingData { expected, allowed: MAX_TAIL_BYTES });
     }
     Ok(())
@@ -160,8 +172,11 @@ mod tests {
 
     #[test]
     fn what_no_reader_takes_is_refused_with_what_is_read() {
-        let error = check_magic(b"NRRD0004").unwrap_err();
-        assert_eq!(error.to_string(), "the file is not a NIfTI image: it looks like NRRD");
+        let error = check_magic(b"{}").unwrap_err();
+        assert_eq!(error.to_string(), "the file is not a NIfTI image: it looks like JSON");
         assert_eq!(error.hint(), "send the mask as NIfTI (.nii or .nii.gz)");
+        let error = check_magic(b"version https://git-lfs.github.com/spec/v1\n").unwrap_err();
+        let hint = "fetch the file itself (git lfs pull), and send the mask as NIfTI (.nii or .nii.gz)";
+        assert_eq!(error.hint(), hint);
     }
 }

@@ -4,6 +4,9 @@ use std::borrow::Cow;
 
 use serde::{Deserialize, Serialize};
 
+use crate::params::LENGTH_MM;
+use crate::space::significant;
+
 /// A shape that is refused by name. Lengths are mm.
 #[derive(Clone, Debug, PartialEq, thiserror::Error, Serialize, Deserialize)]
 pub enum Refusal {
@@ -19,7 +22,7 @@ pub enum Refusal {
     #[error("the mask is empty: every voxel is 0")]
     EmptyMask,
     /// Thinner than the grid can resolve.
-    #[error("the object is {thickness_mm:.2} mm thick, under {voxels:.1} voxels of {voxel_mm:.2} mm")]
+    #[error("the object is {} mm thick: {voxels:.1} voxels of {} mm", significant(*thickness_mm), significant(*voxel_mm))]
     TooThin {
         /// Largest inscribed diameter, mm.
         thickness_mm: f64,
@@ -49,14 +52,15 @@ pub enum Refusal {
         needed: usize,
     },
     /// All three extents alike: a ball has a medial point, not a sheet.
-    #[error("the object is a ball of radius {radius_mm:.1} mm: its medial sheet is shorter than that")]
+    #[error("the object is a ball of radius {} mm: its medial sheet is shorter than that", significant(*radius_mm))]
     Ball {
         /// Largest inscribed radius.
         radius_mm: f64,
     },
     /// Two extents alike: a tube has a medial curve, not a sheet.
     #[error(
-        "the object is a tube of radius {radius_mm:.1} mm: its medial set is {length_mm:.1} mm long and narrower than that radius"
+        "the object is a tube of radius {} mm: its medial set is {} mm long and narrower than that radius",
+        significant(*radius_mm), significant(*length_mm)
     )]
     Tube {
         /// Length of the medial sheet or curve.
@@ -108,10 +112,34 @@ pub enum Refusal {
         /// A working voxel that would do, mm.
         resolution_mm: f64,
     },
+    /// The label lies all around the image, as a background does.
+    #[error(
+        "label {label} fills {:.0} % of the image and most of each of its faces: it is the background, not an object",
+        100.0 * share
+    )]
+    Background {
+        /// Its value.
+        label: i64,
+        /// Its share of the image's voxels.
+        share: f64,
+    },
+    /// Greys where labels should be.
+    #[error(
+        "the mask has {labels} labels, {small_labels} of them of a few voxels, and {run_voxels:.1} voxels of a row on \
+         end have the same one: it is an image of intensities, not a label map"
+    )]
+    IntensityImage {
+        /// Labels.
+        labels: usize,
+        /// How many of them have a few voxels.
+        small_labels: usize,
+        /// Voxels of a row that have the same label on end, in the mean.
+        run_voxels: f64,
+    },
 }
 
-/// The codes that speak of the object's shape, not of the file it came in: all but
-/// [`Refusal::LabelMissing`] and [`Refusal::EmptyMask`].
+/// The codes that speak of the object's shape, not of the file it came in: all but those of [`Refusal::LabelMissing`],
+/// [`Refusal::EmptyMask`], [`Refusal::Background`] and [`Refusal::IntensityImage`].
 pub const SHAPE_CODES: [&str; 10] = [
     "too_thin",
     "hollow_object",
@@ -142,6 +170,8 @@ impl Refusal {
             Self::TooManyPoints { .. } => "too_many_points",
             Self::NoEmbedding { .. } => "no_embedding",
             Self::TooLarge { .. } => "working_grid_too_large",
+            Self::Background { .. } => "label_is_background",
+            Self::IntensityImage { .. } => "intensity_image",
         }
     }
 
@@ -151,13 +181,14 @@ impl Refusal {
         match self {
             Self::LabelMissing { present, .. } => format!("ask for one of the labels that are there: {present:?}"),
             Self::EmptyMask => "check the segmentation: send a mask with at least one non-zero voxel".to_owned(),
-            Self::TooThin { resolution_mm, .. } => {
-                format!("send a finer mask, or try resolution_mm {resolution_mm:.2}")
+            Self::TooThin { resolution_mm, .. } if LENGTH_MM.contains(resolution_mm) => {
+                format!("send a finer mask, or try resolution_mm {}", significant(*resolution_mm))
             }
             Self::Hollow { .. } => {
                 "to measure the wall, send a mask of it that is cut open; to measure the whole, send it filled"
                     .to_owned()
             }
+            Self::TooThin { .. } => "send a finer mask".to_owned(),
             Self::TooSmall { .. } => "send a finer mask or a larger object, or set a smaller resolution_mm".to_owned(),
             Self::Ball { .. } => "a ball has no medial sheet: measure it by its radius".to_owned(),
             Self::Tube { .. } => "a tube has a medial curve, not a sheet: use a centreline tool".to_owned(),
@@ -170,7 +201,15 @@ impl Refusal {
                 "leave landmarks at \"auto\" and embedding at \"isomap\", or set a larger resolution_mm".to_owned()
             }
             Self::NoEmbedding { .. } => "leave embedding at \"isomap\"".to_owned(),
-            Self::TooLarge { resolution_mm, .. } => format!("set resolution_mm to {resolution_mm:.2} or more"),
+            Self::Background { .. } => {
+                "write the background as 0: change the two over if the mask is inverted; an object that fills its image \
+                 needs a border of background"
+                    .to_owned()
+            }
+            Self::IntensityImage { .. } => {
+                "threshold the image first; if these are labels, name those to work on (parameter labels)".to_owned()
+            }
+            Self::TooLarge { resolution_mm, .. } => format!("set resolution_mm to {} or more", significant(*resolution_mm)),
         }
     }
 }

@@ -18,8 +18,10 @@ pub const MARGIN: RangeInclusive<f64> = 0.0..=0.4;
 pub const NEIGHBOR_COUNT: RangeInclusive<usize> = 4..=1000;
 /// Landmarks. Two coordinates need at least 8 to be stable.
 pub const LANDMARK_COUNT: RangeInclusive<usize> = 8..=20_000;
-/// Lengths in mm that make sense for anatomy: nodes, neighbourhoods, working voxels.
-pub const LENGTH_MM: RangeInclusive<f64> = 0.01..=1000.0;
+/// Lengths in mm that make sense for anatomy: nodes, neighbourhoods, working voxels. A tenth of the smallest voxel edge
+/// that is read is the least: with more, a thin object of micro-CT could not be worked on more finely than it is stored;
+/// less than that no mask bears.
+pub const LENGTH_MM: RangeInclusive<f64> = 1e-5..=1000.0;
 /// Labels in one job.
 pub const LABEL_COUNT: RangeInclusive<usize> = 1..=1024;
 /// Sheets per structure.

@@ -34,6 +34,8 @@ mod stages;
 
 mod repeats;
 
+mod levels;
+
 mod run;
 
 use crate::cancel::Cancelled;

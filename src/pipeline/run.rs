@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use super::PipelineError;
 use super::context::{Context, Notes};
+use super::levels::check_is_label_map;
 use super::observer::Observer;
 use super::repeats::add_uncertainty;
 use super::sheets::{loss_needed, strength};
@@ -170,6 +171,10 @@ fn labels(volume: &LabelVolume, params: &CheckedParams, cancel: &dyn Cancel) -> 
     let present: Vec<i64> = volume.labels().iter().map(|label| label.value).collect();
     if present.is_empty() {
         return Err(Refusal::EmptyMask.into());
+    }
+    // Who names the labels knows them to be labels.
+    if params.labels.is_none() {
+        check_is_label_map(volume, cancel)?;
     }
     let mut indices = Vec::new();
     for &label in params.labels.as_deref().unwrap_or(&present) {

@@ -29,7 +29,7 @@ use super::quality::{Answered, quality};
 use super::sheets::{Sheets, sheets};
 use super::sides::{SheetSides, sides};
 use super::solid::changes::Changes;
-use super::solid::cut_out::Label;
+use super::solid::cut_out::{Label, refuse_background};
 use super::solid::depth::{Depth, depth};
 use super::solid::parts::{Sent, SentPart};
 use super::solid::{Masked, Solid, masked};
@@ -75,7 +75,7 @@ pub fn stages(
     context: &Context<'_>,
     structure: &mut Structure,
 ) -> Result<(), PipelineError> {
-    let sent = context.stage(Stage::Mask, || Sent::of(volume, label, context))?;
+    let sent = context.stage(Stage::Mask, || sent(volume, label, context))?;
     structure.grain_mm = sent.grain_mm;
     let mut all = Vec::new();
     for (number, part) in sent.parts.iter().enumerate() {
@@ -94,6 +94,12 @@ pub fn stages(
     })?;
     hand_out(all, measured, structure);
     Ok(())
+}
+
+/// The label, unless it is no object.
+fn sent(volume: &LabelVolume, label: Label, context: &Context<'_>) -> Result<Sent, PipelineError> {
+    refuse_background(volume, label)?;
+    Ok(Sent::of(volume, label, context)?)
 }
 
 /// How many voxels of the file a part has.

@@ -1,14 +1,17 @@
 //! Where things are: the names of points in world and plane, the affine between voxels and the
-//! world, and dense grids. Knows no anatomy and no file format.
+//! world, dense grids, and lengths in words. Knows no anatomy and no file format.
 
 mod affine;
 
 mod grid;
 
+mod told;
+
 mod volume;
 
 pub use affine::{AffineError, VoxelFromVoxel, WorldFromVoxel};
 pub use grid::{Grid, VoxelIndex};
+pub use told::{rounded_up, significant};
 pub(crate) use volume::ascending;
 pub use volume::{Label, LabelVolume, LabelVolumeError, VolumeNotice};
 

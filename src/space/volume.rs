@@ -238,10 +238,11 @@ impl LabelVolume {
         Self { world_from_voxel, ..self }
     }
 
-    /// With what was noticed while reading.
+    /// With what was noticed while reading, after what was before.
     #[must_use]
-    pub fn with_notices(self, notices: Vec<VolumeNotice>) -> Self {
-        Self { notices, ..self }
+    pub fn with_notices(mut self, notices: impl IntoIterator<Item = VolumeNotice>) -> Self {
+        self.notices.extend(notices);
+        self
     }
 
     /// Index of a label per voxel, 0 for the background.

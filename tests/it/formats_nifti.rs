@@ -136,9 +136,26 @@ fn gzip_is_told_by_its_magic_and_may_have_several_members() {
 }
 
 #[test]
+fn bytes_after_a_whole_gzip_stream_are_left_unread_and_said() {
+    let bytes = Nifti::small(1).bytes();
+    for (tail, told) in
+        [(&b"\n"[..], "1 bytes"), (b"\0\0\r\n--form--", "10 bytes"), (b"\x1f", "1 bytes"), (b"\x1f\x8b\0", "3 bytes")]
+    {
+        let mut packed = gzip(&bytes);
+        packed.extend(tail);
+        let read = read_ok(&packed);
+        assert_eq!((labels(&read), read.bytes), ((0..24).collect(), packed.len() as u64));
+        assert_eq!(notices(&read), ["bytes_after_gzip"], "{tail:?}");
+        assert!(read.volume.notices()[0].message.starts_with(told), "{:?}", read.volume.notices());
+    }
+}
+
+#[test]
 fn the_hash_is_that_of_the_file_as_sent() {
     use sha2::{Digest, Sha256};
-    for bytes in [Nifti::small(1).bytes(), gzip(&Nifti::small(2).bytes())] {
+    let mut with_tail = gzip(&Nifti::small(1).bytes());
+    with_tail.extend([b'x'; 200_000]);
+    for bytes in [Nifti::small(1).bytes(), gzip(&Nifti::small(2).bytes()), with_tail] {
         let expected: String = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
         assert_eq!(read_ok(&bytes).sha256, expected);
     }
@@ -174,6 +191,50 @@ fn values_are_scaled() {
         let file = Nifti { scl_slope: slope, ..Nifti::small(1) };
         assert_eq!(labels(&read_ok(&file.bytes())), (0..24).collect::<Vec<_>>(), "slope {slope}");
     }
+}
+
+/// The integers from `least` to `most` that a writer makes of labels, and its slope and intercept.
+fn quantised(labels: &[i64], least: i64, most: i64) -> (Vec<i64>, f64, f64) {
+    let (low, high) = (labels.iter().min().unwrap(), labels.iter().max().unwrap());
+    let slope = (high - low) as f64 / (most - least) as f64;
+    let inter = *low as f64 - slope * least as f64;
+    #[allow(clippy::cast_possible_truncation, reason = "rounded, of at most two bytes")]
+    let stored = labels.iter().map(|label| ((*label as f64 - inter) / slope).round() as i64).collect();
+    (stored, slope, inter)
+}
+
+#[test]
+fn labels_that_a_slope_has_quantised_are_read_as_they_were() {
+    let few: Vec<i64> = (0..24).map(|n| [0, 1, 3, 6][n % 4]).collect();
+    let many: Vec<i64> = (0..24).map(|n| [0, 2, 54, 103, 117, 11][n % 6]).collect();
+    let large: Vec<i64> = (0..24).map(|n| [0, 17, 1011, 2035][n % 4]).collect();
+    for (labels_meant, datatype, range, is_told) in [
+        (&few, 2, (0, 255), true),
+        (&many, 2, (0, 255), true),
+        (&few, 4, (-32768, 32767), false),
+        (&large, 4, (-32768, 32767), true),
+    ] {
+        let (values, scl_slope, scl_inter) = quantised(labels_meant, range.0, range.1);
+        let (bitpix, voxels) = stored(datatype, &values, false).unwrap();
+        let read = read_ok(&Nifti { datatype, bitpix, voxels, scl_slope, scl_inter, ..Nifti::small(1) }.bytes());
+        assert_eq!(&labels(&read), labels_meant, "slope {scl_slope}");
+        assert_eq!(notices(&read).contains(&"labels_rounded"), is_told, "slope {scl_slope}");
+    }
+}
+
+#[test]
+fn whole_numbers_in_the_other_byte_order_are_told() {
+    let meant: Vec<i64> = (0..24).map(|n| [0, 1, 3, 127][n % 4]).collect();
+    for datatype in [4, 8, 512, 768, 1024] {
+        for big_endian in [false, true] {
+            let (bitpix, voxels) = stored(datatype, &meant, !big_endian).unwrap();
+            let read = read_ok(&Nifti { datatype, bitpix, voxels, big_endian, ..Nifti::small(1) }.bytes());
+            assert_eq!(notices(&read), ["byte_order_doubtful"], "datatype {datatype}");
+            assert!(read.volume.notices()[0].message.ends_with("[1, 3, 127]"), "{:?}", read.volume.notices());
+        }
+    }
+    let (bitpix, voxels) = stored(4, &(0..24).map(|n| [0, 256, 3][n % 3]).collect::<Vec<_>>(), false).unwrap();
+    assert!(notices(&read_ok(&Nifti { datatype: 4, bitpix, voxels, ..Nifti::small(1) }.bytes())).is_empty());
 }
 
 #[test]
@@ -254,6 +315,54 @@ fn permuted_left_handed_and_oblique_axes_are_kept() {
         assert!((corner(&read, [1.0, 1.0, 1.0]) - expected).norm() < 1e-12);
         assert!(notices(&read).is_empty());
     }
+}
+
+/// A file whose qform says what its sform does, in the same space.
+fn with_both() -> Nifti {
+    Nifti { qform_code: 1, qoffset: [-10.0, -20.0, -30.0], ..Nifti::small(1) }
+}
+
+#[track_caller]
+fn check_contradiction(file: &Nifti, told: &[&str]) {
+    let read = read_ok(&file.bytes());
+    assert_eq!(notices(&read), ["orientations_disagree"]);
+    let message = &read.volume.notices()[0].message;
+    assert!(told.iter().all(|part| message.contains(part)), "{message}");
+}
+
+#[test]
+fn a_qform_that_contradicts_the_sform_is_noticed_with_the_difference() {
+    assert!(notices(&read_ok(&with_both().bytes())).is_empty());
+    let mut mirrored = with_both();
+    mirrored.srow[0] = [-1.0, 0.0, 0.0, -7.0];
+    check_contradiction(&mirrored, &["left and right are swapped", "mirror image"]);
+    let mut turned = with_both();
+    (turned.srow[0], turned.srow[1]) = ([-1.0, 0.0, 0.0, -7.0], [0.0, -2.0, 0.0, -16.0]);
+    check_contradiction(&turned, &["left and right are swapped, front and back are swapped"]);
+    let oblique = Nifti { quatern: [0.0, 0.0, 15f64.to_radians().sin()], ..with_both() };
+    check_contradiction(&oblique, &["up to 30.0° apart"]);
+    let moved = Nifti { qoffset: [-10.0, -20.5, -30.0], ..with_both() };
+    check_contradiction(&moved, &["the image 0.500 mm apart"]);
+}
+
+#[test]
+fn orientations_that_do_not_contradict_each_other_are_no_notice() {
+    // Half a turn, whose quaternion is rounded the most; an offset of two decimals; no rotation at all.
+    let half = Nifti {
+        srow: [[-1.0, 0.0, 0.0, 10.0], [0.0, -2.0, 0.0, 20.0], [0.0, 0.0, 3.0, -30.0]],
+        quatern: [0.0, 0.0, 0.999_999_9],
+        qoffset: [10.0, 20.0, -30.0],
+        ..with_both()
+    };
+    let rounded = Nifti { qoffset: [-10.004, -20.0, -30.0], ..with_both() };
+    let unusable = Nifti { quatern: [1.0, 1.0, 0.0], ..with_both() };
+    let in_an_atlas = Nifti { sform_code: 4, qoffset: [30.0, 0.0, 0.0], ..with_both() };
+    for file in [half, rounded, unusable, in_an_atlas] {
+        assert!(notices(&read_ok(&file.bytes())).is_empty(), "{file:?}");
+    }
+    let mut mirrored_atlas = Nifti { sform_code: 4, ..with_both() };
+    mirrored_atlas.srow[0] = [-1.0, 0.0, 0.0, -7.0];
+    check_contradiction(&mirrored_atlas, &["left and right are swapped"]);
 }
 
 #[test]

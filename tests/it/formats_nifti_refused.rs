@@ -33,6 +33,21 @@ fn what_is_no_nifti() {
     check_refused("gzip of nothing", &gzip(b""), "not_nifti", 415, "byte 0");
     check_header("Analyze", |f| f.magic = vec![0; 4], "not_nifti", 415, "byte 0");
     check_header("a pair", |f| f.magic = b"ni1\0".to_vec(), "two_file_nifti", 415, "header.magic");
+    let mgz: Vec<u8> = [1, 8, 8, 8, 1, 0, 0_i32].iter().flat_map(|n| n.to_be_bytes()).chain([0; 800]).collect();
+    let lfs = b"version https://git-lfs.github.com/spec/v1\noid sha256:0123\nsize 15203\n";
+    for (bytes, look) in [
+        (gzip(&mgz), "FreeSurfer"),
+        (lfs.to_vec(), "Git LFS"),
+        (b"<!DOCTYPE html>\n<html><head><title>Sign in".to_vec(), "web page"),
+        (b"<?xml version=\"1.0\"?><Error><Code>AccessDenied".to_vec(), "error message"),
+        (b"Not found\n".to_vec(), "plain text"),
+        (b"".to_vec(), "empty file"),
+        (gzip(b""), "empty file"),
+        (vec![0; 4096], "zeros"),
+    ] {
+        let problem = refusal(&bytes);
+        assert!(problem.code == "not_nifti" && problem.detail.contains(look), "{look}: {}", problem.detail);
+    }
     let pair = Nifti { magic: b"ni2\0\r\n\x1a\n".to_vec(), ..Nifti::small(2) };
     check_refused("a NIfTI-2 pair", &pair.bytes(), "two_file_nifti", 415, "header.magic");
 }
@@ -107,8 +122,11 @@ fn voxels() {
     for value in [0.37, 1.002, f32::INFINITY, f32::MAX] {
         check_refused("a probability", &reals(value), "not_a_label_map", 422, "voxel [1, 0, 0]");
     }
-    let scaled = Nifti { scl_slope: 1.0 / 255.0, ..Nifti::small(1) };
-    check_refused("scaled to a probability", &scaled.bytes(), "not_a_label_map", 422, "voxel [1, 0, 0]");
+    for scl_slope in [1.0 / 255.0, 0.3, 0.499, 0.9, 2.5] {
+        let scaled = Nifti { scl_slope, voxels: (0..24).collect(), ..Nifti::small(1) };
+        let problem = refusal(&scaled.bytes());
+        assert!(problem.code == "not_a_label_map" && problem.hint.unwrap().contains("scl_slope"), "slope {scl_slope}");
+    }
     let huge = Nifti { datatype: 1280, bitpix: 64, voxels: vec![255; 192], ..Nifti::small(1) };
     check_refused("beyond int64", &huge.bytes(), "not_a_label_map", 422, "voxel [0, 0, 0]");
     let voxels = (0..70_000_u32).flat_map(u32::to_le_bytes).collect();
@@ -136,9 +154,35 @@ fn damaged_files() {
     corrupt[12] = 0xff;
     corrupt[13] = 0xff;
     assert!(["corrupt_gzip", "truncated", "bad_checksum", "not_nifti"].contains(&refusal(&corrupt).code.as_str()));
-    let mut garbage = packed;
+    let mut garbage = gzip(&bytes[..360]);
     garbage.extend(b"garbage");
-    assert_eq!(refusal(&garbage).code, "corrupt_gzip");
+    check_refused("half of the voxels, then garbage", &garbage, "corrupt_gzip", 400, "byte 360");
+    let mut second = packed.clone();
+    second.extend(&packed[..packed.len() - 12]);
+    assert_eq!(refusal(&second).code, "truncated");
+}
+
+#[test]
+fn real_numbers_in_the_other_byte_order_are_told() {
+    let reals = |bits: i16, value: f64, big_endian: bool| {
+        #[allow(clippy::cast_possible_truncation, reason = "the value is small")]
+        let mut bytes = if bits == 32 { (value as f32).to_le_bytes().to_vec() } else { value.to_le_bytes().to_vec() };
+        if big_endian {
+            bytes.reverse();
+        }
+        let voxels = [vec![0; bytes.len()], bytes].concat().repeat(12);
+        Nifti { datatype: if bits == 32 { 16 } else { 64 }, bitpix: bits, voxels, ..Nifti::small(1) }
+    };
+    for bits in [32, 64] {
+        for value in [1.0, 2.0, 127.0, 2101.0] {
+            for big_endian in [false, true] {
+                let file = Nifti { big_endian, ..reals(bits, value, !big_endian) };
+                check_refused("swapped", &file.bytes(), "wrong_byte_order", 400, "voxel [1, 0, 0]");
+                assert!(refusal(&file.bytes()).detail.ends_with(&format!("{value} in the other")));
+            }
+        }
+    }
+    check_refused("all but nothing", &reals(32, 3e-4, false).bytes(), "not_a_label_map", 422, "voxel [1, 0, 0]");
 }
 
 #[test]
@@ -151,7 +195,9 @@ fn a_megabyte_may_follow_the_voxels_and_no_more() {
     for (what, file) in [("plain", with_tail(1 << 20)), ("gzip", gzip(&with_tail(1 << 20)))] {
         assert!(read(file.as_slice(), InputLimits::default()).is_ok(), "{what}");
     }
-    for file in [with_tail((1 << 20) + 1), gzip(&with_tail((1 << 20) + 1))] {
+    let mut after_gzip = gzip(&with_tail(0));
+    after_gzip.extend(vec![7; (1 << 20) + 1]);
+    for file in [with_tail((1 << 20) + 1), gzip(&with_tail((1 << 20) + 1)), after_gzip] {
         check_refused("a long tail", &file, "trailing_data", 400, "byte 376");
     }
 }

@@ -48,6 +48,67 @@ fn a_speck_is_too_small() {
 }
 
 #[test]
+fn the_hint_for_a_thin_object_of_micro_ct_can_be_followed() {
+    for edge_mm in [1e-4, 0.002_456, 0.3] {
+        let plate = painted([40, 30, 8], [edge_mm; 3], |[i, j, k]| {
+            u16::from((3..37).contains(&i) && (3..27).contains(&j) && k == 3)
+        });
+        let refusal = match run_of(&plate, params()) {
+            Err(PipelineError::Refused(refusal)) => refusal,
+            other => panic!("{edge_mm} mm: {:?}", other.map(|m| m.structures.len())),
+        };
+        let resolution_mm: f64 = refusal.hint().rsplit(' ').next().unwrap().parse().unwrap();
+        assert!(resolution_mm < edge_mm && !refusal.to_string().contains(" 0.00 "), "{refusal}");
+        assert_eq!(field_of(Params { resolution_mm: Some(resolution_mm), ..Params::default() }), None);
+    }
+}
+
+/// A box of 40 × 30 × 20 voxels with a slab inside of it, as labels outside and inside.
+fn framed(outside: i64, inside: i64) -> medialrep::space::LabelVolume {
+    let label_at = |[i, j, k]: [usize; 3]| {
+        let is_inside = (6..34).contains(&i) && (5..25).contains(&j) && (6..13).contains(&k);
+        if is_inside { inside } else { outside }
+    };
+    medialrep::space::LabelVolume::from_fn([40, 30, 20], [1.0; 3], label_at).expect("a box")
+}
+
+#[test]
+fn a_background_that_is_not_zero_is_refused_by_name() {
+    for (outside, inside) in [(1, 0), (255, 0), (-1, 0), (1, 1)] {
+        check_refused(&framed(outside, inside), params(), "label_is_background");
+    }
+    for (outside, inside) in [(-1, 4), (255, 4)] {
+        let model = model_of(&framed(outside, inside), params());
+        for structure in &model.structures {
+            let code = structure.refusal.as_ref().map(medialrep::model::Refusal::code);
+            assert_eq!(code, (structure.label == outside).then_some("label_is_background"));
+        }
+    }
+}
+
+#[test]
+fn a_mask_cropped_to_its_object_is_none() {
+    let cropped = painted([40, 28, 9], [1.0; 3], |[i, j, k]| {
+        let [x, y, z] = [(i as f64 - 19.5) / 20.0, (j as f64 - 13.5) / 14.0, (k as f64 - 4.0) / 4.5];
+        u16::from(x * x + y * y + z * z <= 1.0)
+    });
+    assert_eq!(model_of(&cropped, params()).structures.len(), 1);
+}
+
+#[test]
+fn an_image_of_intensities_is_refused_by_name() {
+    // A slope with noise: some 300 greys.
+    let grey = |[i, j, k]: [usize; 3]| (4 * (i + j) + (i * 7 + j * 13 + k * 29) % 23) as i64;
+    let image = medialrep::space::LabelVolume::from_fn([40, 30, 12], [1.0; 3], grey).expect("a box");
+    assert!(image.labels().len() > 200);
+    check_refused(&image, params(), "intensity_image");
+    // As many labels, each of a block, are a label map: what is refused is their shape.
+    let block = |[i, j, k]: [usize; 3]| (1 + i / 4 + 10 * (j / 4) + 80 * (k / 4)) as i64;
+    let atlas = medialrep::space::LabelVolume::from_fn([40, 32, 12], [1.0; 3], block).expect("a box");
+    check_refused(&atlas, params(), "too_thin");
+}
+
+#[test]
 fn an_empty_mask_is_refused() {
     check_refused(&painted([5, 6, 7], [1.0; 3], |_| 0), params(), "empty_mask");
 }

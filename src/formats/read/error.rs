@@ -13,7 +13,7 @@ pub enum ReadError {
     #[error("the file is not a {read} image{}", .looks_like.map(looking).unwrap_or_default())]
     UnknownFormat {
         /// What it seems to be instead.
-        looks_like: Option<&'static str>,
+        looks_like: Option<Look>,
         /// Names of the formats that are read: `NIfTI`.
         read: String,
         /// The same with what their files' names end in: `NIfTI (.nii or .nii.gz)`.
@@ -106,12 +106,26 @@ pub enum ReadError {
         reason: String,
     },
     /// An intensity or probability image.
-    #[error("voxel {voxel:?} has the value {value}: labels are whole numbers")]
+    #[error("voxel {voxel:?} has the value {value:?}: labels are whole numbers")]
     NotALabelMap {
         /// Where.
         voxel: [u64; 3],
         /// The value after scaling.
         value: f64,
+        /// Whether the header scales values.
+        is_scaled: bool,
+    },
+    /// A writer that set the header in one byte order and left the voxels in the other.
+    #[error(
+        "header and voxels have different byte orders: voxel {voxel:?} is {value:?} in that of the header, {swapped} in the other"
+    )]
+    WrongByteOrder {
+        /// Where.
+        voxel: [u64; 3],
+        /// The value in the byte order of the header.
+        value: f64,
+        /// The value in the other.
+        swapped: f64,
     },
     /// More labels than an index can hold.
     #[error("the volume has more than {allowed} different labels")]
@@ -127,8 +141,17 @@ pub enum ReadError {
     Cancelled(#[from] Cancelled),
 }
 
-fn looking(like: &str) -> String {
-    format!(": it looks like {like}")
+/// What a file that is not read looks like.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Look {
+    /// What it is, with an article.
+    pub name: &'static str,
+    /// How to get at the file that was meant, where there is a way.
+    pub advice: Option<&'static str>,
+}
+
+fn looking(like: Look) -> String {
+    format!(": it looks like {}", like.name)
 }
 
 impl ReadError {
@@ -151,6 +174,7 @@ impl ReadError {
             Self::BadHeaderField { .. } => "bad_header_field",
             Self::BadAffine { .. } => "bad_affine",
             Self::NotALabelMap { .. } => "not_a_label_map",
+            Self::WrongByteOrder { .. } => "wrong_byte_order",
             Self::TooManyLabels { .. } => "too_many_labels",
             Self::Io(_) => "internal",
             Self::Cancelled(_) => "cancelled",
@@ -167,6 +191,7 @@ impl ReadError {
             | Self::CorruptGzip { .. }
             | Self::BadChecksum
             | Self::TrailingData { .. }
+            | Self::WrongByteOrder { .. }
             | Self::BadDimensions { .. }
             | Self::BadHeaderField { .. } => 400,
             Self::DecompressedTooLarge { .. } | Self::TooManyVoxels { .. } => 413,
@@ -194,7 +219,7 @@ impl ReadError {
             Self::TooManyVoxels { .. } => "header.dim".to_owned(),
             Self::UnsupportedDatatype { .. } => "header.datatype".to_owned(),
             Self::BadHeaderField { field, .. } | Self::BadAffine { field, .. } => format!("header.{field}"),
-            Self::NotALabelMap { voxel, .. } => format!("voxel {voxel:?}"),
+            Self::NotALabelMap { voxel, .. } | Self::WrongByteOrder { voxel, .. } => format!("voxel {voxel:?}"),
             Self::TooManyLabels { .. } | Self::Io(_) | Self::Cancelled(_) => "the voxels".to_owned(),
         }
     }
@@ -203,6 +228,9 @@ impl ReadError {
     #[must_use]
     pub fn hint(&self) -> Cow<'static, str> {
         let fixed = match self {
+            Self::UnknownFormat { looks_like: Some(Look { advice: Some(advice), .. }), read_from, .. } => {
+                return format!("{advice}, and send the mask as {read_from}").into();
+            }
             Self::UnknownFormat { read_from, .. } => return format!("send the mask as {read_from}").into(),
             Self::TwoFileNifti => "save it as a single file (.nii or .nii.gz)",
             Self::Truncated { .. } | Self::CorruptGzip { .. } | Self::BadChecksum => {
@@ -218,6 +246,12 @@ impl ReadError {
             Self::SeveralVolumes { .. } => "send one volume: split the series and send the one with the mask",
             Self::UnsupportedDatatype { .. } => "save the mask with an integer datatype, such as uint8 or int16",
             Self::BadAffine { .. } => "set a valid sform or qform (finite, no two axes parallel, spacing in mm)",
+            Self::NotALabelMap { is_scaled: true, .. } => {
+                "save the labels unscaled, as integers: the header scales its values (scl_slope, scl_inter)"
+            }
+            Self::WrongByteOrder { .. } => {
+                "write the file again with a tool that sets header and voxels in one byte order"
+            }
             Self::NotALabelMap { .. } => "threshold it first, and save labels without interpolation",
             Self::TooManyLabels { .. } => "send a label map, not an intensity image",
             Self::Io(_) | Self::Cancelled(_) => "try again later",

@@ -30,6 +30,8 @@ type Source<'a> = BufReader<Hashed<'a>>;
 enum Inner<'a> {
     Plain(Source<'a>),
     Gzip(Box<GzDecoder<Source<'a>>>),
+    /// After the last gzip member: what there is does not belong to the content.
+    Ended(Source<'a>),
     /// Between two states, and for good after an error.
     Gone,
 }
@@ -44,6 +46,8 @@ pub(in crate::formats) struct Stream<'a> {
     /// Bytes that came out of the file so far, the head included.
     came: u64,
     limit: u64,
+    /// Where the last gzip member ended that was read to its end, with the zeros after it, in bytes as sent.
+    member_end: Option<u64>,
 }
 
 /// What was hashed.
@@ -59,7 +63,7 @@ impl<'a> Stream<'a> {
         let mut source = BufReader::with_capacity(1 << 16, hashed);
         let compressed = source.fill_buf().map_err(ReadError::Io)?.starts_with(&GZIP_MAGIC);
         let inner = if compressed { Inner::Gzip(Box::new(GzDecoder::new(source))) } else { Inner::Plain(source) };
-        Ok(Self { inner, cancel, compressed, head: Vec::new(), came: 0, limit })
+        Ok(Self { inner, cancel, compressed, head: Vec::new(), came: 0, limit, member_end: None })
     }
 
     /// Whether it was gzip.
@@ -126,9 +130,12 @@ impl<'a> Stream<'a> {
             let result = match &mut self.inner {
                 Inner::Plain(source) => source.read(buffer),
                 Inner::Gzip(decoder) => decoder.read(buffer),
-                Inner::Gone => return Ok(0),
+                Inner::Ended(_) | Inner::Gone => return Ok(0),
             };
-            let count = result.map_err(|error| self.fault(error))?;
+            let count = match result {
+                Ok(count) => count,
+                Err(error) => self.end_if_no_member(error)?,
+            };
             if count > 0 || !self.next_member()? {
                 return Ok(count);
             }
@@ -145,23 +152,48 @@ impl<'a> Stream<'a> {
                 return Ok(false);
             }
         };
-        loop {
-            let rest = source.fill_buf().map_err(ReadError::Io)?;
-            if rest.is_empty() {
-                self.inner = Inner::Plain(source);
-                return Ok(false);
+        let follows = first_after_zeros(&mut source).map_err(ReadError::Io)? == Some(GZIP_MAGIC[0]);
+        self.member_end = Some(source.get_ref().bytes - source.buffer().len() as u64);
+        self.inner = if follows { Inner::Gzip(Box::new(GzDecoder::new(source))) } else { Inner::Ended(source) };
+        Ok(follows)
+    }
+
+    /// What follows a whole member and has not the header of another is none: a line feed that a form added, a
+    /// signature. It ends the content; whether that is complete, the reader of the format knows.
+    fn end_if_no_member(&mut self, error: std::io::Error) -> Result<usize, ReadError> {
+        match std::mem::replace(&mut self.inner, Inner::Gone) {
+            Inner::Gzip(decoder) if self.member_end.is_some() && decoder.header().is_none() => {
+                self.inner = Inner::Ended(decoder.into_inner());
+                Ok(0)
             }
-            let zeros = rest.iter().take_while(|byte| **byte == 0).count();
-            if zeros == 0 {
+            other => {
+                self.inner = other;
+                Err(self.fault(error))
+            }
+        }
+    }
+
+    /// Reads and drops what follows the last gzip member; how many bytes, to the end or until they are `most`.
+    pub fn drop_foreign(&mut self, most: u64) -> Result<u64, ReadError> {
+        while self.foreign() < most
+            && let Inner::Ended(source) = &mut self.inner
+        {
+            self.cancel.check()?;
+            let count = source.fill_buf().map_err(ReadError::Io)?.len();
+            source.consume(count);
+            if count == 0 {
                 break;
             }
-            source.consume(zeros);
         }
-        if !source.fill_buf().map_err(ReadError::Io)?.starts_with(&GZIP_MAGIC[..1]) {
-            return Err(ReadError::CorruptGzip { after: self.came });
+        Ok(self.foreign())
+    }
+
+    /// Bytes that came after the last gzip member so far.
+    pub fn foreign(&self) -> u64 {
+        match (&self.inner, self.member_end) {
+            (Inner::Ended(source), Some(end)) => source.get_ref().bytes - end,
+            _ => 0,
         }
-        self.inner = Inner::Gzip(Box::new(GzDecoder::new(source)));
-        Ok(true)
     }
 
     /// flate2 tells damage by the kind of the error, a wrong checksum by its words alone.
@@ -183,11 +215,30 @@ impl<'a> Stream<'a> {
     /// The hash of the file as sent; call it after the content has been read to its end.
     pub fn finish(self) -> Digested {
         let hashed = match self.inner {
-            Inner::Plain(source) => source.into_inner(),
+            Inner::Plain(source) | Inner::Ended(source) => source.into_inner(),
             Inner::Gzip(decoder) => decoder.into_inner().into_inner(),
             Inner::Gone => return Digested { sha256: String::new(), bytes: 0 },
         };
         Digested { sha256: hex(&hashed.hash.finalize()), bytes: hashed.bytes }
+    }
+}
+
+/// Passes over zeros; the first byte that is none.
+fn first_after_zeros(source: &mut Source<'_>) -> std::io::Result<Option<u8>> {
+    loop {
+        let rest = source.fill_buf()?;
+        match rest.iter().position(|byte| *byte != 0) {
+            Some(zeros) => {
+                let first = rest[zeros];
+                source.consume(zeros);
+                return Ok(Some(first));
+            }
+            None if rest.is_empty() => return Ok(None),
+            None => {
+                let zeros = rest.len();
+                source.consume(zeros);
+            }
+        }
     }
 }
 

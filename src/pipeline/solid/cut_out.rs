@@ -5,11 +5,16 @@ use rayon::prelude::*;
 
 use super::NativeMask;
 use crate::cancel::{Cancel, Cancelled};
+use crate::model::Refusal;
 use crate::pipeline::context::Context;
 use crate::space::{Grid, LabelVolume, VoxelIndex, WorldFromVoxel};
 
 /// Rows that one thread takes at a time; fewer are not worth handing over.
 const ROWS_PER_TASK: usize = 64;
+/// Share of each of the six faces of the image that a background takes. An object that is cut by the image fills the
+/// faces that cut it, but not all six, and one whose image was cropped to it touches them in a few voxels. With less, such
+/// a one might be refused; with more, the outside of an organ that is cut on one side would pass for an object.
+const BACKGROUND_SHARE: f64 = 0.5;
 /// Difference of cosines that counts as none. Rounding makes 1e-15, and headers in f32 1e-7: with less, which axes
 /// come first would hang on it; with more, voxels turned by less than 45° by a hair would count as turned by it.
 const TIE: f64 = 1e-6;
@@ -74,6 +79,25 @@ pub fn label_boxes(volume: &LabelVolume, cancel: &dyn Cancel) -> Result<Vec<Opti
         }
     }
     Ok(boxes)
+}
+
+/// Refuses a label that lies all around the image: a background that is not 0, or that of an inverted mask.
+pub(crate) fn refuse_background(volume: &LabelVolume, label: Label) -> Result<(), Refusal> {
+    let (dims, bounds) = (volume.dims(), label.bounds);
+    for (axis, length) in dims.into_iter().enumerate() {
+        if bounds.low[axis] > 0 || bounds.high[axis] + 1 < length {
+            return Ok(());
+        }
+        let area = (dims[(axis + 1) % 3] * dims[(axis + 2) % 3]) as f64;
+        for face in [0, length - 1] {
+            if (voxels_on_face(volume, label.index, axis, face) as f64) < BACKGROUND_SHARE * area {
+                return Ok(());
+            }
+        }
+    }
+    let share = volume.voxels_of(label.index) as f64 / volume.indices().as_slice().len() as f64;
+    let value = volume.label(label.index).map_or(0, |label| label.value);
+    Err(Refusal::Background { label: value, share })
 }
 
 /// Warns of a label that touches the edge of the image.

@@ -6,7 +6,7 @@ use super::NativeMask;
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::Refusal;
 use crate::numerics::field::floor_index;
-use crate::space::{Grid, WorldFromVoxel};
+use crate::space::{Grid, WorldFromVoxel, rounded_up};
 
 /// Free voxels around the solid in the working grid: room for smoothing, which reaches 3 voxels, and for steps
 /// outside. With less the boundary would feel the edge of the grid; each more costs a layer of voxels on every side.
@@ -63,15 +63,31 @@ impl WorkingGrid {
 
     /// Refuses a grid of too many voxels.
     pub fn check_size(&self) -> Result<(), Refusal> {
-        let mut voxels = 1u64;
-        for n in self.dims {
-            voxels = voxels.saturating_mul(n as u64);
-        }
-        if voxels <= MAX_WORKING_VOXELS {
+        let voxels = self.voxels(1.0);
+        if voxels <= MAX_WORKING_VOXELS as f64 {
             return Ok(());
         }
-        let resolution_mm = self.voxel_mm * (voxels as f64 / MAX_WORKING_VOXELS as f64).cbrt();
-        Err(Refusal::TooLarge { voxels, allowed: MAX_WORKING_VOXELS, resolution_mm })
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count; what is beyond saturates")]
+        Err(Refusal::TooLarge {
+            voxels: voxels as u64,
+            allowed: MAX_WORKING_VOXELS,
+            resolution_mm: self.that_fits_mm(),
+        })
+    }
+
+    /// A working voxel with which there are few enough, told with three digits.
+    fn that_fits_mm(&self) -> f64 {
+        let mut factor = (self.voxels(1.0) / MAX_WORKING_VOXELS as f64).cbrt();
+        while self.voxels(factor) > MAX_WORKING_VOXELS as f64 {
+            factor *= 1.01;
+        }
+        rounded_up(factor * self.voxel_mm)
+    }
+
+    /// Voxels of a grid of the same box with voxels larger by a factor. The room around does not shrink with them.
+    fn voxels(&self, factor: f64) -> f64 {
+        let room = (2 * PADDING) as f64;
+        self.dims.iter().map(|n| ((*n as f64 - room) / factor).ceil() + room).product()
     }
 }
 
@@ -143,4 +159,21 @@ pub(super) fn embed(
     }
     let soft = mask.try_map(|m| f32::from(u8::from(*m)), cancel)?;
     Ok((mask, soft))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_working_voxel_of_the_hint_fits() {
+        let world_from_voxel = WorldFromVoxel::axis_aligned([0.7, 0.9, 3.1], [0.0; 3]).unwrap();
+        for dims in [[90, 60, 20], [400, 3, 3], [30, 30, 30]] {
+            let native = NativeMask { mask: Grid::filled(dims, false), world_from_voxel };
+            let too_large = WorkingGrid::plan(&native, Some(1e-3)).check_size();
+            let Err(Refusal::TooLarge { resolution_mm, .. }) = too_large else { panic!("{dims:?}: {too_large:?}") };
+            assert_eq!(WorkingGrid::plan(&native, Some(resolution_mm)).check_size(), Ok(()), "{dims:?}");
+            assert!(WorkingGrid::plan(&native, Some(0.9 * resolution_mm)).check_size().is_err(), "{dims:?}");
+        }
+    }
 }

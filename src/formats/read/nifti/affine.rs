@@ -1,10 +1,11 @@
-//! Where the voxels of a NIfTI lie: sform, else qform, else pixdim, each checked.
+//! Where the voxels of a NIfTI lie: sform, else qform, else pixdim, each checked, and how far they agree.
 
 use nalgebra::{Quaternion, UnitQuaternion};
 
 use super::header::RawHeader;
+use super::orientations::difference;
 use crate::formats::read::error::ReadError;
-use crate::space::{VolumeNotice, WorldFromVoxel};
+use crate::space::{VolumeNotice, WorldFromVoxel, significant};
 
 /// Voxel edges that make sense for anatomy, mm: finer than any micro-CT, coarser than any scan.
 /// Outside them the unit is wrong.
@@ -13,6 +14,9 @@ const SPACING_MM: std::ops::RangeInclusive<f64> = 1e-4..=1e3;
 const QUATERNION_EXCESS: f64 = 1e-3;
 /// sform and pixdim that differ by more than this share in a spacing are worth a notice.
 const SPACING_DISAGREEMENT: f64 = 0.01;
+
+/// Codes of an sform from here on name the space of an atlas, in which the patient may lie elsewhere than in the scanner.
+const FIRST_STANDARD_SPACE: i32 = 3;
 
 /// The voxel-to-world map in millimetres; what was odd is added to `notices`.
 ///
@@ -29,6 +33,7 @@ pub(super) fn world_from_voxel(
         match checked("srow_x", scaled(raw.srow, unit_mm)) {
             Ok(map) => {
                 compare_spacing(&map, raw, unit_mm, notices);
+                compare_with_qform(&map, raw, dims, unit_mm, notices);
                 return Ok(map);
             }
             Err(error) if raw.qform_code <= 0 => return Err(error),
@@ -74,7 +79,7 @@ fn checked(field: &'static str, rows: [[f64; 4]; 3]) -> Result<WorldFromVoxel, R
     let bad = |reason: String| ReadError::BadAffine { field, reason };
     let map = WorldFromVoxel::from_rows(rows).map_err(|error| bad(error.to_string()))?;
     match map.spacing_mm().iter().find(|s| !SPACING_MM.contains(s)) {
-        Some(spacing) => Err(bad(format!("a voxel edge is {spacing:e} mm, allowed is 0.0001 to 1000"))),
+        Some(spacing) => Err(bad(format!("a voxel edge is {} mm, allowed is 0.0001 to 1000", significant(*spacing)))),
         None => Ok(map),
     }
 }
@@ -91,7 +96,7 @@ fn pixel_spacing(raw: &RawHeader, dims: [usize; 3], unit_mm: f64) -> Result<[f64
         }
         spacing_mm[axis] = edge * unit_mm;
         if !SPACING_MM.contains(&spacing_mm[axis]) {
-            let reason = format!("a voxel edge is {} mm, allowed is 0.0001 to 1000", spacing_mm[axis]);
+            let reason = format!("a voxel edge is {} mm, allowed is 0.0001 to 1000", significant(spacing_mm[axis]));
             return Err(ReadError::BadAffine { field: FIELDS[axis], reason });
         }
     }
@@ -125,8 +130,28 @@ fn compare_spacing(map: &WorldFromVoxel, raw: &RawHeader, unit_mm: f64, notices:
         b > 0.0 && b.is_finite() && (a - b).abs() > SPACING_DISAGREEMENT * a
     };
     if (0..3).any(differs) {
-        let message =
-            format!("the sform says a spacing of {from_sform:.4?} mm, pixdim {from_pixdim:.4?}; the sform was taken");
+        let [a, b] = [from_sform, from_pixdim].map(|edges| edges.map(significant).join(" × "));
+        let message = format!("the sform says a spacing of {a} mm, pixdim {b}; the sform was taken");
         notices.push(VolumeNotice { code: "spacing_disagrees", message });
+    }
+}
+
+/// A qform that is unusable contradicts nothing: it is not looked at where there is an sform.
+fn compare_with_qform(
+    sform: &WorldFromVoxel,
+    raw: &RawHeader,
+    dims: [usize; 3],
+    unit_mm: f64,
+    notices: &mut Vec<VolumeNotice>,
+) {
+    if raw.qform_code <= 0 {
+        return;
+    }
+    let Ok(spacing_mm) = pixel_spacing(raw, dims, unit_mm) else { return };
+    let Ok(qform) = qform(raw, spacing_mm, unit_mm) else { return };
+    let are_two_spaces = raw.sform_code >= FIRST_STANDARD_SPACE && raw.sform_code != raw.qform_code;
+    if let Some(difference) = difference(sform, &qform, dims, are_two_spaces) {
+        let message = format!("qform and sform of the header contradict each other: {difference}; the sform was taken");
+        notices.push(VolumeNotice { code: "orientations_disagree", message });
     }
 }

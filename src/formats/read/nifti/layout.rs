@@ -47,6 +47,11 @@ impl Datatype {
         Err(ReadError::UnsupportedDatatype { code, name })
     }
 
+    /// Whether stored values are whole numbers.
+    pub fn is_whole(self) -> bool {
+        !matches!(self, Self::Float32 | Self::Float64)
+    }
+
     /// Bytes of a voxel.
     pub fn bytes(self) -> usize {
         match self {
@@ -74,6 +79,13 @@ pub(super) struct Layout {
     pub order: ByteOrder,
     pub offset: u64,
     pub scaling: Option<Scaling>,
+}
+
+impl Scaling {
+    /// The value that a stored one stands for.
+    pub fn value(self, stored: f64) -> f64 {
+        stored * self.slope + self.intercept
+    }
 }
 
 impl Layout {

@@ -10,6 +10,8 @@ mod layout;
 
 mod affine;
 
+mod orientations;
+
 mod extensions;
 
 mod label_table;
@@ -22,11 +24,11 @@ use self::header::RawHeader;
 use self::kind::{Version, kind};
 use self::label_table::LabelTable;
 use self::layout::Layout;
-use self::voxels::{Voxels, read_voxels};
+use self::voxels::read_voxels;
 use super::answers::{Found, HeaderFacts, InputLimits};
 use super::error::ReadError;
 use super::stream::Stream;
-use crate::space::{Grid, Label, LabelVolume, VolumeNotice};
+use crate::space::{Grid, Label, LabelVolume};
 
 pub(in crate::formats) use self::kind::{KIND_BYTES, sniff};
 
@@ -49,14 +51,11 @@ pub(in crate::formats) fn read(stream: &mut Stream<'_>, limits: InputLimits) -> 
     let mut notices = Vec::new();
     let world_from_voxel = world_from_voxel(&raw, layout.dims, &mut notices)?;
     let table = read_extensions(stream, &layout, &mut notices)?;
-    let Voxels { indices, mut labels, nan_voxels } = read_voxels(stream, &layout)?;
-    if nan_voxels > 0 {
-        let message = format!("{nan_voxels} voxels are NaN; they were taken as background");
-        notices.push(VolumeNotice { code: "nan_voxels", message });
-    }
-    describe(&mut labels, table);
-    let indices = Grid::from_vec(layout.dims, indices).expect("exactly that many voxels were read");
-    let volume = LabelVolume::new_while(indices, labels, world_from_voxel, stream.cancel())?;
+    let mut voxels = read_voxels(stream, &layout)?;
+    voxels.tell(&mut notices);
+    describe(&mut voxels.labels, table);
+    let indices = Grid::from_vec(layout.dims, voxels.indices).expect("exactly that many voxels were read");
+    let volume = LabelVolume::new_while(indices, voxels.labels, world_from_voxel, stream.cancel())?;
     let format = format_name(version, stream.is_compressed());
     Ok(Found { volume: volume.with_notices(notices), format })
 }

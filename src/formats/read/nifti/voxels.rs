@@ -7,7 +7,7 @@ use super::layout::{Datatype, Layout, Scaling};
 use crate::cancel::Cancel;
 use crate::formats::read::error::ReadError;
 use crate::formats::read::stream::Stream;
-use crate::space::{Label, ascending};
+use crate::space::{Label, VolumeNotice, ascending, significant};
 
 /// Bytes decoded at a time, a multiple of every datatype's size.
 const CHUNK_BYTES: usize = 1 << 18;
@@ -18,11 +18,20 @@ const BLOCK: usize = 2048;
 /// How far from a whole number a label may be after scaling: float32 volumes that went through
 /// a resampler with nearest neighbours stay within it, interpolated ones do not.
 const WHOLE_NUMBER_TOLERANCE: f64 = 1e-3;
+/// Slope up to which labels can have been made integers by a writer that scales: the value read is off by half a step
+/// at most, a quarter here. With a larger one most fractions would pass as whole, with a much smaller one an atlas of a
+/// hundred labels in uint8 (0.46) would be refused.
+const MAX_STEP: f64 = 0.5;
 /// Stored values remembered. Label maps have few; a float image has millions, which would cost
 /// more memory than its voxels.
 const MAX_REMEMBERED: usize = 1 << 17;
 /// A stored value that was not met yet.
 const UNSEEN: u32 = u32::MAX;
+/// The largest label that is looked for in the other byte order. Read in the wrong one, those up to here are below 1e-37;
+/// with a larger one some small values of a map of probabilities would be taken for labels.
+const MAX_SWAPPED: f64 = 65_536.0;
+/// Labels named where they may be in the wrong byte order.
+const NAMED: usize = 5;
 /// Floats hold every whole number up to here.
 const MAX_EXACT: f64 = 9_007_199_254_740_992.0;
 
@@ -35,6 +44,35 @@ pub(super) struct Voxels {
     pub labels: Vec<Label>,
     /// Voxels that were NaN and count as background.
     pub nan_voxels: u64,
+    /// How far the farthest scaled value was from its label, if farther than rounding makes it.
+    pub rounded_by: Option<f64>,
+    /// Labels as the other byte order would have them, the first few, where that is the likelier one.
+    pub swapped_labels: Vec<i64>,
+}
+
+impl Voxels {
+    /// What was odd about the values.
+    pub fn tell(&self, notices: &mut Vec<VolumeNotice>) {
+        let mut tell = |code, message| notices.push(VolumeNotice { code, message });
+        if self.nan_voxels > 0 {
+            tell("nan_voxels", format!("{} voxels are NaN; they were taken as background", self.nan_voxels));
+        }
+        if let Some(by) = self.rounded_by {
+            let by = significant(by);
+            tell(
+                "labels_rounded",
+                format!("the file scales its values (scl_slope): labels were rounded, by up to {by}"),
+            );
+        }
+        if !self.swapped_labels.is_empty() {
+            let message = format!(
+                "every label fills the upper half of its bytes alone: header and voxels may have different byte orders; \
+                 in the other one the labels are {:?}",
+                self.swapped_labels
+            );
+            tell("byte_order_doubtful", message);
+        }
+    }
 }
 
 /// Reads exactly `layout.voxels` voxels.
@@ -106,6 +144,11 @@ struct Table {
     /// By index; NaN has one of its own until the end, with the value of the background, which it joins.
     labels: Vec<i64>,
     nan: Option<u16>,
+    /// How far a value may be from a label, and the farthest was.
+    tolerance: f64,
+    farthest: f64,
+    /// The first stored value, and its offset, that is not 0 but was taken for it.
+    near_zero: Option<(u64, usize)>,
 }
 
 impl Table {
@@ -125,6 +168,9 @@ impl Table {
             by_label: HashMap::from([(0, 0)]),
             labels: vec![0],
             nan: None,
+            tolerance: tolerance(layout),
+            farthest: 0.0,
+            near_zero: None,
         }
     }
 
@@ -196,11 +242,14 @@ impl Table {
     fn index_of(&mut self, pattern: u64, offset: usize) -> Result<u16, ReadError> {
         let label = match (self.stored(pattern), self.scaling) {
             (Stored::Whole(value), None) => i64::try_from(value).map_err(|_| self.no_label(value as f64, offset))?,
-            (Stored::Whole(value), Some(scaling)) => self.whole(scaled(value as f64, scaling), offset)?,
+            (Stored::Whole(value), Some(scaling)) => self.whole(scaling.value(value as f64), offset)?,
             (Stored::Real(value), _) if value.is_nan() => return self.nan_index(),
             (Stored::Real(value), None) => self.whole(value, offset)?,
-            (Stored::Real(value), Some(scaling)) => self.whole(scaled(value, scaling), offset)?,
+            (Stored::Real(value), Some(scaling)) => self.whole(scaling.value(value), offset)?,
         };
+        if label == 0 && self.near_zero.is_none() && !self.datatype.is_whole() && self.real(pattern) != 0.0 {
+            self.near_zero = Some((pattern, offset));
+        }
         if let Some(index) = self.by_label.get(&label) {
             return Ok(*index);
         }
@@ -245,10 +294,12 @@ impl Table {
         }
     }
 
-    fn whole(&self, value: f64, offset: usize) -> Result<i64, ReadError> {
+    fn whole(&mut self, value: f64, offset: usize) -> Result<i64, ReadError> {
         let rounded = value.round();
+        let off = (value - rounded).abs();
         // Also false for infinities.
-        if (value - rounded).abs() <= WHOLE_NUMBER_TOLERANCE && rounded.abs() <= MAX_EXACT {
+        if off <= self.tolerance && rounded.abs() <= MAX_EXACT {
+            self.farthest = self.farthest.max(off);
             #[allow(clippy::cast_possible_truncation, reason = "whole and below 2^53")]
             return Ok(rounded as i64);
         }
@@ -256,17 +307,65 @@ impl Table {
     }
 
     fn no_label(&self, value: f64, offset: usize) -> ReadError {
+        ReadError::NotALabelMap { voxel: self.voxel(offset), value, is_scaled: self.scaling.is_some() }
+    }
+
+    fn voxel(&self, offset: usize) -> [u64; 3] {
         let [nx, ny, _] = self.dims;
-        let voxel = [offset % nx, offset / nx % ny, offset / (nx * ny)].map(|n| n as u64);
-        ReadError::NotALabelMap { voxel, value }
+        [offset % nx, offset / nx % ny, offset / (nx * ny)].map(|n| n as u64)
     }
 
     /// Sorts the labels, and joins NaN to the background.
     fn finish(self, mut indices: Vec<u16>, cancel: &dyn Cancel) -> Result<Voxels, ReadError> {
         let (new_of_old, labels) = ascending(&self.labels);
+        if let (Some((pattern, offset)), true) = (self.near_zero, labels.is_empty()) {
+            return Err(self.nothing_but_near_zero(pattern, offset));
+        }
+        let swapped_labels = self.swapped(&labels);
+        let rounded_by = (self.farthest > WHOLE_NUMBER_TOLERANCE).then_some(self.farthest);
         let is_in_order = (0..=u16::MAX).zip(&new_of_old).all(|(old, new)| old == *new);
         let nan_voxels = if is_in_order { 0 } else { renumber(&mut indices, &new_of_old, self.nan, cancel)? };
-        Ok(Voxels { indices, labels, nan_voxels })
+        Ok(Voxels { indices, labels, nan_voxels, rounded_by, swapped_labels })
+    }
+
+    /// Why a volume has no label although it is not all 0: its bytes are reversed, or its values are too small.
+    fn nothing_but_near_zero(&self, pattern: u64, offset: usize) -> ReadError {
+        let (value, swapped) = (self.real(pattern), self.real(self.reversed(pattern)));
+        if swapped != 0.0 && swapped.fract() == 0.0 && swapped.abs() <= MAX_SWAPPED {
+            return ReadError::WrongByteOrder { voxel: self.voxel(offset), value, swapped };
+        }
+        self.no_label(self.scaling.map_or(value, |scaling| scaling.value(value)), offset)
+    }
+
+    /// Small whole numbers in the wrong byte order fill the upper half of their bytes alone: 1 is read as 256 or
+    /// 16777216. Where all labels do, what they are in the other order; else nothing.
+    fn swapped(&self, labels: &[Label]) -> Vec<i64> {
+        let mut swapped = Vec::new();
+        if !self.datatype.is_whole() || self.datatype.bytes() == 1 || self.scaling.is_some() {
+            return swapped;
+        }
+        let half = 4 * self.datatype.bytes();
+        for label in labels {
+            if (label.value.trailing_zeros() as usize) < half {
+                return Vec::new();
+            }
+            swapped.push(self.reversed(label.value.cast_unsigned()).cast_signed());
+        }
+        swapped.truncate(NAMED);
+        swapped
+    }
+
+    /// A stored value as a real number.
+    fn real(&self, pattern: u64) -> f64 {
+        match self.stored(pattern) {
+            Stored::Whole(value) => value as f64,
+            Stored::Real(value) => value,
+        }
+    }
+
+    /// A pattern with its bytes in the other order.
+    fn reversed(&self, pattern: u64) -> u64 {
+        pattern.swap_bytes() >> (64 - 8 * self.datatype.bytes())
     }
 }
 
@@ -295,8 +394,16 @@ enum Stored {
     Real(f64),
 }
 
-fn scaled(value: f64, scaling: Scaling) -> f64 {
-    value * scaling.slope + scaling.intercept
+/// How far from a whole number a label may be. A writer that scaled labels to fit them into integers left every one half
+/// a step away at most.
+fn tolerance(layout: &Layout) -> f64 {
+    match layout.scaling {
+        Some(Scaling { slope, .. }) if layout.datatype.is_whole() && slope.abs() <= MAX_STEP => {
+            // The slope itself is rounded.
+            WHOLE_NUMBER_TOLERANCE + 0.5 * slope.abs()
+        }
+        _ => WHOLE_NUMBER_TOLERANCE,
+    }
 }
 
 fn patterns<const N: usize>(bytes: &[u8]) -> impl Iterator<Item = [u8; N]> + '_ {
