@@ -23,7 +23,7 @@ const FINE: LatticeSize = LatticeSize { rows: 33, cols: 65 };
 /// The paper's lattice (figure 5).
 const LEAST: LatticeSize = LatticeSize { rows: 6, cols: 8 };
 /// How far a chord may lie from the surface, voxels: half of one is what the mask says of its boundary.
-const TOLERANCE: f64 = 0.5;
+const TOLERANCE: f64 = 0.25;
 /// Share of the places that must be within it: at corners the fits that the fine lattice is made of are rough.
 const WITHIN: f64 = 0.95;
 /// Distance between nodes at the least, voxels. A fit takes points within five: nearer nodes tell the same twice.
@@ -49,7 +49,7 @@ pub(super) fn following(
         }
     }
     let LatticeSize { rows, cols } = FINE;
-    let (mut along, mut across) = (Vec::new(), Vec::new());
+    let (mut along, mut across): (Vec<Vec<Point3<f64>>>, Vec<Vec<Point3<f64>>>) = (Vec::new(), Vec::new());
     for layer in &layers {
         for i in 0..rows {
             along.push((0..cols).map(|j| layer[i * cols + j]).collect());
@@ -58,18 +58,24 @@ pub(super) fn following(
             across.push((0..rows).map(|i| layer[i * cols + j]).collect());
         }
     }
-    Ok(LatticeSize { rows: fewest(&across, LEAST.rows), cols: fewest(&along, LEAST.cols) })
+    // The rim is a curve of the sheet itself: its first and last lines.
+    let rim_along = [along[0].clone(), along[rows - 1].clone()];
+    let rim_across = [across[0].clone(), across[cols - 1].clone()];
+    Ok(LatticeSize {
+        rows: fewest(&across, &rim_across, LEAST.rows),
+        cols: fewest(&along, &rim_along, LEAST.cols),
+    })
 }
 
 /// The fewest nodes, from `least` on, whose chords follow all lines; no more than the points carry.
-fn fewest(lines: &[Vec<Point3<f64>>], least: usize) -> usize {
+fn fewest(lines: &[Vec<Point3<f64>>], rim: &[Vec<Point3<f64>>], least: usize) -> usize {
     let mut longest = 0.0f64;
     for line in lines {
         longest = longest.max(length(line));
     }
     let most = floor_index(longest / LEAST_SPACING) + 1;
     let mut count = least;
-    while count < most && share_within(lines, count) < WITHIN {
+    while count < most && (share_within(lines, count) < WITHIN || share_within(rim, count) < WITHIN) {
         count += 1;
     }
     count

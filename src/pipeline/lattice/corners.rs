@@ -18,7 +18,7 @@ use crate::pipeline::plane::region::{PITCH, Region};
 /// Length of the outline at an end at the least, as a share of the mean width: pointed ends would
 /// squeeze all rows into a point. The ends of ten organs and shapes are wide enough for 0.1 to do as well; with 0.9, the mask
 /// of a spleen lies 1.18 mm from the model on average, not 1.12.
-const LEAST_END: f64 = 0.4;
+const LEAST_END: f64 = 0.1;
 /// Directions of the corners, counter-clockwise from the one that is first along and right of the axis.
 const DIAGONALS: [[f64; 2]; 4] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
 
@@ -99,6 +99,23 @@ impl Axis {
         [mean, half]
     }
 
+    /// Draws the two corners of an end along the outline towards it, as long as the outline is straight or hollow there: a
+    /// side of a tail that bends away from the axis is no end.
+    fn draw_to_end(&self, outline: &Polyline<2>, at: &mut [f64; 4], from: usize, to: usize) {
+        /// Length on both sides of a corner over which the outline must turn, in mean widths, and by how much, radians.
+        /// With less, sides of tails are taken for ends; with more, corners of long ellipses move to their tips.
+        const SPAN: f64 = 0.125;
+        const LEAST_TURN: f64 = 0.06;
+        let (span, least) = (SPAN * self.width, LEAST_END * self.width);
+        for (corner, step) in [(from, PITCH), (to, -PITCH)] {
+            while length_between(outline, at[from], at[to]) > least
+                && turning(outline, at[corner], at[corner], span) < LEAST_TURN
+            {
+                at[corner] = (at[corner] + step).rem_euclid(outline.length());
+            }
+        }
+    }
+
     /// Corners in the order of [`DIAGONALS`]; a place is a piece of the outline and a share of it.
     fn corners(&self, region: &Region, outline: &Polyline<2>) -> [(usize, f64); 4] {
         let [mean, half] = self.rectangle(region);
@@ -108,6 +125,9 @@ impl Axis {
         }
         let scaled = Polyline::open(scaled);
         let mut at = DIAGONALS.map(|diagonal| outline.length_at(scaled.place(farthest(&scaled, diagonal))));
+        for (from, to) in [(1, 2), (3, 0)] {
+            self.draw_to_end(outline, &mut at, from, to);
+        }
         // An end that is a point takes in some of the outline on both sides.
         for (from, to) in [(1, 2), (3, 0)] {
             let missing = (LEAST_END * self.width - length_between(outline, at[from], at[to])).max(0.0);
@@ -116,6 +136,14 @@ impl Axis {
         }
         at.map(|length| outline.place(length))
     }
+}
+
+/// By how much a closed line turns, counter-clockwise, between two lengths, radians.
+fn turning(line: &Polyline<2>, from: f64, to: f64, span: f64) -> f64 {
+    let point = |length: f64| line.point(line.place(length.rem_euclid(line.length())));
+    let before = point(from) - point(from - span);
+    let after = point(to + span) - point(to);
+    before.perp(&after).atan2(before.dot(&after))
 }
 
 /// Length along a closed line from one place on to another; an end that is turned over has a negative one.

@@ -82,6 +82,35 @@ impl Region {
         Self { raster: self.raster, level, gap: self.gap.clone(), slack: 1.0, hole_share: self.hole_share }
     }
 
+    /// The region without the tails of it that are narrower than `width`, voxels; `None` where it has none. Corners are
+    /// none: what is cut off must be longer than it is wide.
+    ///
+    /// # Errors
+    /// When it is cancelled.
+    pub(crate) fn without_tails(&self, width: f64, cancel: &dyn Cancel) -> Result<Option<Self>, Cancelled> {
+        let inside = self.level.0.try_map(|level| *level > 0.0, cancel)?;
+        let radius = width / 2.0 / PITCH;
+        let wide = eroded(&inside, radius, cancel)?;
+        let mut cut = wide.clone();
+        dilate(&mut cut, &inside, radius, cancel)?;
+        let opened = cut.clone();
+        for (cut, inside) in cut.as_mut_slice().iter_mut().zip(inside.as_slice()) {
+            *cut = *inside && !*cut;
+        }
+        let pieces = components(&cut, true, Connectivity::Corners26, cancel)?;
+        let least = (width / PITCH).powi(2);
+        if pieces.sizes.iter().all(|size| (*size as f64) < least) {
+            return Ok(None);
+        }
+        let mut level = self.level.clone();
+        for (level, (inside, kept)) in level.0.as_mut_slice().iter_mut().zip(inside.as_slice().iter().zip(opened.as_slice())) {
+            if *inside && !*kept {
+                *level = -level.abs().max(0.25);
+            }
+        }
+        Ok(Some(Self { level, ..self.clone() }))
+    }
+
     /// Whether a point lies on the sheet: inside the outline, or as near to a point of the sheet as
     /// gaps in it may be wide.
     #[must_use]
@@ -147,6 +176,33 @@ impl Region {
         }
         pixels
     }
+}
+
+/// Pixels further than a radius, pixels, from all that are not set.
+fn eroded(pixels: &Grid<bool>, radius: f64, cancel: &dyn Cancel) -> Result<Grid<bool>, Cancelled> {
+    let mut free = Vec::new();
+    for (o, is_set) in pixels.as_slice().iter().enumerate() {
+        if !is_set {
+            free.push(o);
+        }
+    }
+    let gap = nearest_seed(pixels.dims(), [1.0; 3], &free, cancel)?.squared;
+    gap.try_map(|squared| f64::from(*squared) > radius * radius, cancel)
+}
+
+/// Sets the pixels of a set that are within a radius, pixels, of those that are.
+fn dilate(pixels: &mut Grid<bool>, within: &Grid<bool>, radius: f64, cancel: &dyn Cancel) -> Result<(), Cancelled> {
+    let mut seeds = Vec::new();
+    for (o, is_set) in pixels.as_slice().iter().enumerate() {
+        if *is_set {
+            seeds.push(o);
+        }
+    }
+    let gap = nearest_seed(pixels.dims(), [1.0; 3], &seeds, cancel)?.squared;
+    for (o, is_set) in pixels.as_mut_slice().iter_mut().enumerate() {
+        *is_set = within.as_slice()[o] && f64::from(gap.as_slice()[o]) <= radius * radius;
+    }
+    Ok(())
 }
 
 /// The pixels near a point, less those near to the pixels that are not: all of `CLOSING` but the overhang.

@@ -112,6 +112,7 @@ fn spoked<'a>(
         around: body,
         cancel,
     };
+    spoked.make_fair()?;
     for n in 0..count {
         cancel.check()?;
         spoked.let_reach(0, n);

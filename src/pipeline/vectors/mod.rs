@@ -25,6 +25,8 @@ pub mod legality;
 
 mod spoked_lattice;
 
+mod fairing;
+
 mod untangle;
 
 mod mend_crest;
