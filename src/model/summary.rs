@@ -4,6 +4,7 @@
 use nalgebra::Point3;
 
 use super::figure::Sheet;
+use super::quality::NodeRepair;
 use super::shell::{Shell, quad_area};
 use super::side::Side;
 use super::structure::Structure;
@@ -24,7 +25,7 @@ pub struct LengthSummary {
     pub p95: f64,
 }
 
-/// Thickness over a medial sheet, or over several; a length is `None` without any area.
+/// Thickness over a medial sheet, or over several, but for nodes that repair spoilt; a length is `None` without any area.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThicknessSummary {
     /// Length of the upper vectors.
@@ -42,6 +43,12 @@ impl Sheet {
     #[must_use]
     pub fn thickness_summary(&self) -> ThicknessSummary {
         thickness_summary(std::iter::once(self))
+    }
+
+    /// Whether repair spoilt a node, so that its vectors are no lengths of the organ.
+    #[must_use]
+    pub fn is_marred(&self, node: usize) -> bool {
+        self.repaired.get(node).copied().flatten() >= Some(NodeRepair::Shortened)
     }
 
     /// The area of the medial lattice round each node, mm²: a quarter of each adjacent quad.
@@ -71,7 +78,7 @@ fn thickness_summary<'a>(sheets: impl Iterator<Item = &'a Sheet>) -> ThicknessSu
         let [upper, lower] = Side::BOTH.map(|side| sheet.lengths_mm(side));
         for (node, weight) in sheet.node_areas_mm2().into_iter().enumerate() {
             let both = [upper[node], lower[node], upper[node] + lower[node]];
-            if weight > 0.0 && both[2].is_finite() {
+            if weight > 0.0 && both[2].is_finite() && !sheet.is_marred(node) {
                 weighted.iter_mut().zip(both).for_each(|(list, length)| list.push((length, weight)));
             }
         }

@@ -61,10 +61,7 @@ pub(super) fn following(
     // The rim is a curve of the sheet itself: its first and last lines.
     let rim_along = [along[0].clone(), along[rows - 1].clone()];
     let rim_across = [across[0].clone(), across[cols - 1].clone()];
-    Ok(LatticeSize {
-        rows: fewest(&across, &rim_across, LEAST.rows),
-        cols: fewest(&along, &rim_along, LEAST.cols),
-    })
+    Ok(LatticeSize { rows: fewest(&across, &rim_across, LEAST.rows), cols: fewest(&along, &rim_along, LEAST.cols) })
 }
 
 /// The fewest nodes, from `least` on, whose chords follow all lines; no more than the points carry.

@@ -129,7 +129,10 @@ pub fn lattices(
     }
     let mut whole = to_rim(&points, &region, &sheet.hinge, solid, depth, context)?;
     if let Some(wide) = whole.region.without_tails(LEAST_WIDTH, context)? {
-        context.warn("tip_is_a_curve", format!("a tail of sheet {number} is too narrow for a lattice: it ends where the tail begins"));
+        context.warn(
+            "tip_is_a_curve",
+            format!("a tail of sheet {number} is too narrow for a lattice: it ends where the tail begins"),
+        );
         whole.region = wide;
     }
     let (size, choices) = sized(flat, (&whole.region, &whole.points), solid, number, context)?;
@@ -291,9 +294,12 @@ fn open_corners(LatticeSize { rows, cols }: LatticeSize, nodes: &mut [Point2<f64
     /// turned over; each degree more takes the edge a sixtieth of a step off the rim.
     const LEAST_TURN: f64 = 0.17;
     let last = rows * cols - 1;
-    for (corner, along, across) in
-        [(0, 1, cols), (cols - 1, cols - 2, 2 * cols - 1), (last, last - 1, last - cols), (last + 1 - cols, last + 2 - cols, last + 1 - 2 * cols)]
-    {
+    for (corner, along, across) in [
+        (0, 1, cols),
+        (cols - 1, cols - 2, 2 * cols - 1),
+        (last, last - 1, last - cols),
+        (last + 1 - cols, last + 2 - cols, last + 1 - 2 * cols),
+    ] {
         let inner = along + across - corner;
         let inward = (nodes[inner] - nodes[corner]).try_normalize(1e-9).unwrap_or_default();
         let [a, b] = [nodes[along] - nodes[corner], nodes[across] - nodes[corner]];

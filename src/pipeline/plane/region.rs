@@ -103,7 +103,9 @@ impl Region {
             return Ok(None);
         }
         let mut level = self.level.clone();
-        for (level, (inside, kept)) in level.0.as_mut_slice().iter_mut().zip(inside.as_slice().iter().zip(opened.as_slice())) {
+        for (level, (inside, kept)) in
+            level.0.as_mut_slice().iter_mut().zip(inside.as_slice().iter().zip(opened.as_slice()))
+        {
             if *inside && !*kept {
                 *level = -level.abs().max(0.25);
             }

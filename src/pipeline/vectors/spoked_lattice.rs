@@ -104,6 +104,8 @@ pub struct Tangle {
     pub places: usize,
     /// Nodes of such cells, on the upper and on the lower side.
     pub crossing: [BTreeSet<usize>; 2],
+    /// Nodes of such cells whose sheet is not folded: shorter spokes may mend them.
+    pub long: [BTreeSet<usize>; 2],
     /// Nodes of quads that are folded in the sheet itself.
     pub folded: BTreeSet<usize>,
 }
@@ -143,6 +145,8 @@ impl SpokedLattice<'_> {
                     }
                     if inner > 0 {
                         tangle.folded.extend(size.quad(i, j));
+                    } else if outer > 0 {
+                        tangle.long[side].extend(size.quad(i, j));
                     }
                 }
             }

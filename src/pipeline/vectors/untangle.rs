@@ -54,7 +54,7 @@ impl SpokedLattice<'_> {
                 }
                 self.loosen(&tangle, means)?;
                 if means == Means::Cut {
-                    cut.extend(tangle.crossing.iter().flatten());
+                    cut.extend(tangle.long.iter().flatten());
                 }
                 tangle = self.tangle()?;
             }
@@ -72,7 +72,7 @@ impl SpokedLattice<'_> {
             self.turn(side, &tangle.crossing[side]);
             for &n in &tangle.crossing[side] {
                 self.cancel.check()?;
-                if means == Means::Cut {
+                if means == Means::Cut && tangle.long[side].contains(&n) {
                     self.shorten(side, n);
                 } else {
                     self.let_reach(side, n);
