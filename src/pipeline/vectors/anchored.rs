@@ -13,7 +13,7 @@ use std::collections::BTreeSet;
 
 use nalgebra::Point3;
 
-use super::crest::{crest, look_ahead};
+use super::crest::{beyond_hinges, crest, look_ahead};
 use super::mend_crest::{Mended, mend_crest};
 use super::nodes::Nodes;
 use super::spoked_lattice::{SpokedLattice, Surroundings, spacing};
@@ -97,7 +97,7 @@ fn spoked<'a>(
         medial.push(body.node(place));
     }
     let hand = upper_sign(&lattice.nodes, &medial, &body.map, sheet, cancel)?;
-    let directions = body.spokes(&mut medial, hand, cancel)?;
+    let directions = body.spokes(&medial, hand, cancel)?;
     let (count, spacing) = (medial.len(), spacing(lattice.size, &medial));
     let mut spoked = SpokedLattice {
         lattice,
@@ -113,6 +113,8 @@ fn spoked<'a>(
         cancel,
     };
     spoked.make_fair()?;
+    let beyond = beyond_hinges(&spoked.lattice, &body.map, &sheet.hinge);
+    body.aim(&mut spoked.medial, &mut spoked.directions, (hand, &beyond), cancel)?;
     for n in 0..count {
         cancel.check()?;
         spoked.let_reach(0, n);

@@ -40,6 +40,18 @@ pub fn look_ahead(lattice: &Lattice, map: &SpaceFromPlane<'_>, hinge: &[Point3<f
     all
 }
 
+/// Of each node at a hinge the unit direction out of the sheet; of all others none.
+#[must_use]
+pub fn beyond_hinges(lattice: &Lattice, map: &SpaceFromPlane<'_>, hinge: &[Point3<f64>]) -> Vec<Vector3<f64>> {
+    let mut beyond = vec![Vector3::zeros(); lattice.nodes.len()];
+    for (n, ahead) in ring(lattice.size).into_iter().zip(look_ahead(lattice, map, hinge)) {
+        if ahead.is_hinge {
+            beyond[n] = ahead.outward;
+        }
+    }
+    beyond
+}
+
 /// The crest point of every node of the lattice's edge, in the order of [`ring`].
 #[must_use]
 pub fn crest(level: &Field, size: LatticeSize, medial: &[Node], ahead: &[Ahead]) -> Vec<Point3<f64>> {

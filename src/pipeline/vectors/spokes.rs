@@ -83,23 +83,43 @@ impl Body<'_> {
     /// When it is cancelled.
     pub fn spokes(
         &self,
-        medial: &mut [Node],
+        medial: &[Node],
         hand: f64,
         cancel: &dyn Cancel,
     ) -> Result<[Vec<Vector3<f64>>; 2], Cancelled> {
         let mut spokes = [Vec::with_capacity(medial.len()), Vec::with_capacity(medial.len())];
         for node in medial {
             cancel.check()?;
-            let normal = normal(node) * hand;
-            let [upper, lower] = spoke_directions(node, normal);
-            if self.misses(node, upper) || self.misses(node, lower) {
+            let [upper, lower] = spoke_directions(node, normal(node) * hand);
+            spokes[0].push(upper);
+            spokes[1].push(lower);
+        }
+        Ok(spokes)
+    }
+
+    /// Turns spokes that run past their feet to them. `beyond`: of nodes at a hinge the unit direction out of the sheet, on
+    /// whose side feet are those of other sheets.
+    ///
+    /// # Errors
+    /// When it is cancelled.
+    pub fn aim(
+        &self,
+        medial: &mut [Node],
+        directions: &mut [Vec<Vector3<f64>>; 2],
+        (hand, beyond): (f64, &[Vector3<f64>]),
+        cancel: &dyn Cancel,
+    ) -> Result<(), Cancelled> {
+        for (n, node) in medial.iter_mut().enumerate() {
+            cancel.check()?;
+            if self.misses(node, directions[0][n]) || self.misses(node, directions[1][n]) {
                 // Or it is the fit of the radius that is wrong: where other sheets are met it rises within a voxel or two.
                 node.value = node.value.max(self.radius(node.position));
             }
-            spokes[0].push(self.aimed(node, upper, normal));
-            spokes[1].push(self.aimed(node, lower, -normal));
+            let normal = normal(node) * hand;
+            directions[0][n] = self.aimed(node, directions[0][n], [normal, beyond[n]]);
+            directions[1][n] = self.aimed(node, directions[1][n], [-normal, beyond[n]]);
         }
-        Ok(spokes)
+        Ok(())
     }
 
     /// Whether a spoke runs past its foot.
@@ -110,14 +130,23 @@ impl Body<'_> {
     /// A spoke's direction, or that of the foot itself when the spoke passes it by: at a concave edge, which
     /// a spoke a few degrees off misses, and where the sheet ends more bluntly than its radius says. `side`: the sheet's
     /// normal on that side.
-    fn aimed(&self, node: &Node, direction: Vector3<f64>, side: Vector3<f64>) -> Vector3<f64> {
+    fn aimed(
+        &self,
+        node: &Node,
+        direction: Vector3<f64>,
+        [side, beyond]: [Vector3<f64>; 2],
+    ) -> Vector3<f64> {
+        /// Cosine to the direction out of the sheet from which on a foot is another sheet's. At 0 the foot straight below a
+        /// hinge may be one by noise; at 0.5 those of arms at right angles are not.
+        const OTHER: f64 = 0.25;
         if !self.misses(node, direction) {
             return direction;
         }
         let (mut foot, mut least) = (Vector3::zeros(), f64::INFINITY);
         for skin in &self.depth.skin {
             let way = skin.position - node.position;
-            if way.dot(&side) > 0.0 && way.norm_squared() < least {
+            let is_own = way.dot(&side) > 0.0 && way.dot(&beyond) <= OTHER * way.norm();
+            if is_own && way.norm_squared() < least {
                 (foot, least) = (way, way.norm_squared());
             }
         }
