@@ -45,7 +45,7 @@ fn in_mm(points: &[Point2<f64>], voxel_mm: f64) -> Vec<ParamPoint> {
 /// A finished figure in the world.
 fn figure(solid: &Solid, sheet: &SheetSides, draft: &Draft, quality: FigureQuality) -> Sheet {
     let Draft { nodes, flat, frame, choices, .. } = draft;
-    let mm = solid.voxel_mm;
+    let mm = solid.unit_mm;
     Sheet {
         grid: nodes.size,
         medial: solid.in_world(&nodes.medial),
@@ -83,7 +83,7 @@ fn flanks_in_world(solid: &Solid, flanks: &[Flanks]) -> Vec<Flanks> {
 
 /// The points of a surface and where they were laid.
 fn flat_points(solid: &Solid, positions: &[Point3<f64>], flat: &Flat) -> FlatPoints {
-    FlatPoints { positions: solid.in_world(positions), flat: in_mm(&flat.points, solid.voxel_mm) }
+    FlatPoints { positions: solid.in_world(positions), flat: in_mm(&flat.points, solid.unit_mm) }
 }
 
 /// Hinges between the figures that were kept.

@@ -144,10 +144,13 @@ fn worked(
     let Masked { solid, object, changes } = context.stage(Stage::Mask, || masked(&part.native, context))?;
     structure.object.append(object);
     if structure.working_voxel_mm == 0.0 {
-        structure.working_voxel_mm = solid.voxel_mm;
+        structure.working_voxel_mm = solid.working_voxel_mm;
     }
     let depth = context.stage(Stage::Distance, || depth(&solid, context))?;
     let surface = context.stage(Stage::Skeleton, || medial_surface(&solid, &depth, context))?;
+    // From here on lengths count in grains.
+    let grain = solid.voxels_per_grain();
+    let (solid, depth, surface) = (solid.in_units(grain), depth.in_units(grain), surface.in_units(grain));
     let sheets = context.stage(Stage::Sheets, || sheets(&surface, &solid, &depth, context))?;
     let laid = context.stage(Stage::Isomap, || laid_flat(&surface, sheets, &solid, context))?;
     let sides = context.stage(Stage::Sides, || sides(&solid, &depth, &surface, &laid.sheets, context))?;

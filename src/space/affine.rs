@@ -150,6 +150,17 @@ impl WorldFromVoxel {
         self.axes.determinant().abs()
     }
 
+    /// Voxels of other edges, by a factor along each axis, with the same first centre.
+    #[must_use]
+    pub fn enlarged(&self, by: [f64; 3]) -> Self {
+        let mut enlarged = *self;
+        for (axis, by) in by.into_iter().enumerate() {
+            enlarged.axes.column_mut(axis).scale_mut(by);
+            enlarged.inverse.row_mut(axis).scale_mut(1.0 / by);
+        }
+        enlarged
+    }
+
     /// The same voxels moved in the world.
     #[must_use]
     pub fn translated(&self, by: WorldVector) -> Self {

@@ -168,7 +168,7 @@ fn sized(
     number: usize,
     context: &Context<'_>,
 ) -> Result<(LatticeSize, Automatic), Cancelled> {
-    let (size, choices) = automatic(flat, region, points, solid.voxel_mm, context)?;
+    let (size, choices) = automatic(flat, region, points, solid.unit_mm, context)?;
     Ok((context.repeated_size(number).unwrap_or(size), choices))
 }
 
@@ -182,7 +182,7 @@ fn spaced_as_asked(
     let params = context.params;
     let first = lattice(region, params.lattice, size, params.margin(), 0.0, context)?;
     if let (None, Some(spacing_mm), Some(first)) = (context.repeat, params.spacing_mm, &first) {
-        let better = respaced(first, spacing_mm / solid.voxel_mm);
+        let better = respaced(first, spacing_mm / solid.unit_mm);
         if better != size {
             return lattice(region, params.lattice, better, params.margin(), 0.0, context);
         }
@@ -212,7 +212,7 @@ fn on_surface(flat: &Flat, size: LatticeSize, context: &Context<'_>) -> Result<O
 fn check_extents(region: &Region, sheet: &SheetSides, solid: &Solid) -> Result<(), Refusal> {
     let [length, width] = region.rectangle();
     let radius = sheet.radii.iter().copied().fold(0.0, f64::max);
-    let mm = solid.voxel_mm;
+    let mm = solid.unit_mm;
     let (length_mm, radius_mm) = (length * mm, radius * mm);
     if length < BALL_LENGTH * radius {
         Err(Refusal::Ball { radius_mm })

@@ -15,6 +15,9 @@ const FEET_COSINE: f64 = 0.5;
 /// Distance of the two feet of a medial voxel at the least, voxels: below it the staircase
 /// of the grid makes feet of its own. Above it, what is thinner has no medial voxels.
 const MIN_CHORD: f64 = 3.0;
+/// The same in grains of the mask: what its own staircase makes. With less, every bump of an organ on a finer grid has a
+/// sheet; with more, thin organs have none there either.
+const MIN_CHORD_GRAINS: f64 = 3.0;
 /// Difference of two distances that rounding can make, voxels: feet are a little off the boundary. With less, an
 /// even thickness gets a mixture of its two middle layers; with more, the layer that is further off.
 const TIE: f64 = 0.05;
@@ -31,6 +34,7 @@ pub(super) fn medial_voxels(solid: &Solid, depth: &Depth, cancel: &dyn Cancel) -
 fn medial_of_row(solid: &Solid, depth: &Depth, row: usize) -> Vec<usize> {
     let [nx, ny, _] = solid.inside.dims();
     let (inside, nearest) = (solid.inside.as_slice(), depth.nearest.as_slice());
+    let chord = MIN_CHORD.max(MIN_CHORD_GRAINS * solid.voxels_per_grain());
     let mut found = Vec::new();
     for i in 0..nx {
         let offset = row * nx + i;
@@ -46,7 +50,7 @@ fn medial_of_row(solid: &Solid, depth: &Depth, row: usize) -> Vec<usize> {
             between[axis] += 0.5;
             let a = depth.skin[nearest[offset] as usize].position - between;
             let b = depth.skin[nearest[next] as usize].position - between;
-            if are_far(a, b) {
+            if are_far(a, b, chord) {
                 // Of the two, the one nearer to the bisector of the feet; the first of equals,
                 // so that the middle of an even thickness is one layer, not a mixture of two.
                 let is_beyond = b.norm() - a.norm() > TIE;
@@ -58,7 +62,7 @@ fn medial_of_row(solid: &Solid, depth: &Depth, row: usize) -> Vec<usize> {
 }
 
 /// Whether two feet, as seen from between them, lie far apart.
-fn are_far(a: Vector3<f64>, b: Vector3<f64>) -> bool {
+fn are_far(a: Vector3<f64>, b: Vector3<f64>, chord: f64) -> bool {
     let is_wide = a.dot(&b) < FEET_COSINE * a.norm() * b.norm();
-    is_wide && (a - b).norm_squared() >= MIN_CHORD * MIN_CHORD
+    is_wide && (a - b).norm_squared() >= chord * chord
 }

@@ -59,6 +59,18 @@ pub struct MedialSurface {
 }
 
 impl MedialSurface {
+    /// The same in a unit of so many working voxels.
+    pub(in crate::pipeline) fn in_units(mut self, voxels_per_unit: f64) -> Self {
+        for point in &mut self.points {
+            point.position /= voxels_per_unit;
+            point.radius /= voxels_per_unit;
+            for foot in &mut point.feet {
+                *foot /= voxels_per_unit;
+            }
+        }
+        self
+    }
+
     /// A point by its index.
     pub(in crate::pipeline) fn point(&self, p: u32) -> &MedialPoint {
         &self.points[p as usize]

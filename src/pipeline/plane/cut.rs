@@ -156,7 +156,7 @@ pub fn laid_flat(
     context: &Context<'_>,
 ) -> Result<Laid, Cancelled> {
     let params = context.params;
-    let cutter = Cutter { surface, voxel_mm: solid.voxel_mm, fault: Fault::of(params.embedding), context };
+    let cutter = Cutter { surface, voxel_mm: solid.unit_mm, fault: Fault::of(params.embedding), context };
     let mut spare = params.max_figures.unwrap_or(usize::MAX).saturating_sub(sheets.members.len());
     let mut label = sheets.sheet_of.clone();
     let mut laid = Vec::new();

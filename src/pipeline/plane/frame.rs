@@ -166,5 +166,5 @@ fn world_from_plane(flat: &[Point2<f64>], positions: &[Point3<f64>], solid: &Sol
 
 /// A direction of work space in the world, of the same length.
 fn world_direction(direction: Vector3<f64>, solid: &Solid) -> WorldVector {
-    solid.world_from_work.vector(direction) / solid.voxel_mm
+    solid.world_from_work.vector(direction) / solid.unit_mm
 }

@@ -106,7 +106,7 @@ struct Flattener<'a> {
 
 impl Flattener<'_> {
     fn flat(&self, name: &str, surface: &Surface) -> Result<Flat, PipelineError> {
-        let (params, voxel_mm) = (self.context.params, self.solid.voxel_mm);
+        let (params, voxel_mm) = (self.context.params, self.solid.unit_mm);
         match flatten(surface, params.into(), voxel_mm, self.context) {
             Ok(flat) => Ok(self.warned(name, flat)),
             Err(error) => Err(refused(error, params.embedding, self.sheet, voxel_mm)),

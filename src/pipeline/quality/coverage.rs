@@ -55,7 +55,7 @@ pub fn coverage(
     let shares = owners.shares(&skin, cancel)?;
     let samples = samples(figures, cancel)?;
     let skin = SkinSearch::of(&skin, cancel)?;
-    let voxel_mm = parts[0].solid.voxel_mm;
+    let voxel_mm = parts[0].solid.unit_mm;
     let fit = Fit { skin: &skin, grain: grain(figures), voxel_mm, cancel };
     let (mut fits, mut worst) = (Vec::new(), None);
     for (group, dice) in groups.0.iter().zip(dice) {

@@ -120,7 +120,7 @@ pub fn quality(sent: &Sent, parts: &[Answered<'_>], context: &Context<'_>) -> Re
         let message = format!("{} small branches of the skeleton were pruned", structure.pruned_sheets);
         context.warn("branches_pruned", message);
     }
-    judge(&mut structure, &figures, parts[0].solid.voxel_mm, &places);
+    judge(&mut structure, &figures, parts[0].solid.unit_mm, &places);
     let shares = parts.iter().map(|answered| kept_share(sent, answered));
     Ok(Measured { parts: shares.zip(fits.parts).collect(), figures, structure })
 }

@@ -5,7 +5,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::Answered;
 use crate::pipeline::solid::NativeMask;
-use crate::pipeline::solid::depth::SkinPoint;
+use crate::pipeline::solid::depth::{SKIN_REACH, SkinPoint};
 use crate::pipeline::vectors::Nodes;
 use crate::space::{VoxelFromVoxel, WorldFromVoxel, WorldPoint};
 
@@ -70,10 +70,10 @@ pub fn whole_skin(parts: &[Answered<'_>], unanswered: &[WorldPoint]) -> Vec<Skin
 #[must_use]
 pub fn moved(point: SkinPoint, into: &VoxelFromVoxel) -> SkinPoint {
     let normal = into.vector(point.normal).try_normalize(0.0).unwrap_or(point.normal);
-    SkinPoint { position: into.point(point.position), normal }
+    SkinPoint { position: into.point(point.position), normal, reach: point.reach }
 }
 
 /// A voxel of the surface, of which no normal is known.
 fn without_normal(position: Point3<f64>) -> SkinPoint {
-    SkinPoint { position, normal: Vector3::z() }
+    SkinPoint { position, normal: Vector3::z(), reach: SKIN_REACH }
 }

@@ -7,7 +7,7 @@ use nalgebra::{Point3, Vector3};
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::{Shell, Side};
 use crate::numerics::field::floor_index;
-use crate::pipeline::solid::depth::SkinPoint;
+use crate::pipeline::solid::depth::{SKIN_REACH, SkinPoint};
 
 /// Distance between the samples of the model's surfaces, voxels. Half of it takes four times as long and changes shares of
 /// the surface by 0.001; at twice of it they are too large by 0.002.
@@ -40,7 +40,7 @@ fn sample([a, b, c, d]: [Point3<f64>; 4], samples: &mut Vec<SkinPoint>) {
     for [s, t] in places_in([a, b, c, d], SAMPLE_STEP) {
         let (across, down) = ((b - a) * (1.0 - t) + (d - c) * t, (c - a) * (1.0 - s) + (d - b) * s);
         let normal = across.cross(&down).try_normalize(1e-9).unwrap_or_else(Vector3::z);
-        samples.push(SkinPoint { position: bilinear([a, b, c, d], [s, t]), normal });
+        samples.push(SkinPoint { position: bilinear([a, b, c, d], [s, t]), normal, reach: SKIN_REACH });
     }
 }
 

@@ -106,7 +106,7 @@ pub fn sheets(
     context.advance(0.9);
     trim_edges(surface, &mut label, context)?;
     let sheets = in_order_of_size(surface, &label, pruned, context)?;
-    check_sheet(surface, &sheets, solid)?;
+    check_sheet(surface, &sheets, solid, depth)?;
     Ok(sheets)
 }
 
@@ -130,7 +130,7 @@ fn sizes(label: &[u32]) -> BTreeMap<u32, usize> {
 }
 
 /// Refuses an object whose medial surface has too few points for a sheet.
-fn check_sheet(surface: &MedialSurface, sheets: &Sheets, solid: &Solid) -> Result<(), Refusal> {
+fn check_sheet(surface: &MedialSurface, sheets: &Sheets, solid: &Solid, depth: &Depth) -> Result<(), Refusal> {
     /// Largest radius, voxels, below which such an object is too thin for its grid, whatever its shape is.
     const THIN: f64 = 2.0;
     /// Volume, in balls of the largest radius, below which it is a ball. One that is twice as long as it is wide,
@@ -144,8 +144,8 @@ fn check_sheet(surface: &MedialSurface, sheets: &Sheets, solid: &Solid) -> Resul
         return Ok(());
     }
     let radius = surface.points.iter().map(|p| p.radius).fold(0.0, f64::max);
-    let volume = solid.inside.as_slice().iter().filter(|is_in| **is_in).count() as f64;
-    let (voxel_mm, radius_mm) = (solid.voxel_mm, radius * solid.voxel_mm);
+    let volume = depth.volume();
+    let (voxel_mm, radius_mm) = (solid.unit_mm, radius * solid.unit_mm);
     if radius < THIN {
         let thickness_mm = 2.0 * radius * voxel_mm;
         return Err(Refusal::TooThin {

@@ -72,12 +72,14 @@ fn losses(
     label: &[u32],
     cancel: &dyn Cancel,
 ) -> Result<BTreeMap<u32, f64>, Cancelled> {
-    let volume = depth.depth.as_slice().iter().filter(|below| **below > 0.0).count() as f64;
+    // A skin point stands for the face of a working voxel.
+    let face = depth.voxels_per_unit.powi(-2);
+    let volume = depth.volume();
     let mut losses = BTreeMap::new();
     for (sheet, skin) in skin_of_sheets(surface, depth, label, cancel)? {
         let others = Inscribed::of(surface, |p| ![NO_SHEET, sheet].contains(&label[p]), cancel)?;
         let heights = others.heights(depth, &skin, cancel)?;
-        losses.insert(sheet, heights.into_iter().sum::<f64>() / volume.max(1.0));
+        losses.insert(sheet, face * heights.into_iter().sum::<f64>() / volume.max(1e-9));
     }
     Ok(losses)
 }

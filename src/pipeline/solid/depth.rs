@@ -40,6 +40,8 @@ pub struct SkinPoint {
     pub position: Point3<f64>,
     /// Unit normal, outward.
     pub normal: Vector3<f64>,
+    /// How far along the surface it speaks for it.
+    pub reach: f64,
 }
 
 /// The skin and the depth below it.
@@ -53,6 +55,8 @@ pub struct Depth {
     pub depth: Grid<f32>,
     /// Index of the nearest skin point; `u32::MAX` outside.
     pub nearest: Grid<u32>,
+    /// Working voxels to a unit of the skin's positions.
+    pub voxels_per_unit: f64,
 }
 
 impl SkinPoint {
@@ -63,13 +67,28 @@ impl SkinPoint {
         let v = p - self.position;
         let along_normal = v.dot(&self.normal);
         let tangential = (v.norm_squared() - along_normal * along_normal).max(0.0).sqrt();
-        let beyond = (tangential - SKIN_REACH).max(0.0);
+        let beyond = (tangential - self.reach).max(0.0);
         // Lengths are voxels: nothing overflows, and `hypot` takes five times as long.
         (along_normal * along_normal + beyond * beyond).sqrt()
     }
 }
 
 impl Depth {
+    /// The same with the skin's positions in a unit of so many working voxels.
+    pub(in crate::pipeline) fn in_units(mut self, voxels_per_unit: f64) -> Self {
+        for point in &mut self.skin {
+            point.position /= voxels_per_unit;
+            point.reach /= voxels_per_unit;
+        }
+        Self { voxels_per_unit, ..self }
+    }
+
+    /// Volume of the solid, in cubes of the unit.
+    pub(in crate::pipeline) fn volume(&self) -> f64 {
+        let voxels = self.depth.as_slice().iter().filter(|below| **below > 0.0).count();
+        voxels as f64 / self.voxels_per_unit.powi(3)
+    }
+
     /// The skin point of a boundary voxel; `None` of any other voxel.
     #[must_use]
     pub(crate) fn skin_at(&self, voxel: usize) -> Option<u32> {
@@ -82,7 +101,7 @@ impl Depth {
     #[must_use]
     pub fn at(&self, p: Point3<f64>) -> f64 {
         let dims = self.depth.dims();
-        let base = [0, 1, 2].map(|a| floor_index(p[a]).min(dims[a] - 2));
+        let base = [0, 1, 2].map(|a| floor_index(p[a] * self.voxels_per_unit).min(dims[a] - 2));
         let mut least = f64::INFINITY;
         for bits in 0..8usize {
             let corner = [base[0] + (bits & 1), base[1] + (bits >> 1 & 1), base[2] + (bits >> 2)];
@@ -111,7 +130,7 @@ pub fn depth(solid: &Solid, context: &Context<'_>) -> Result<Depth, Cancelled> {
         fill_row([row % ny, row / ny], &skin, nearest, depth);
         Ok(())
     })?;
-    Ok(Depth { skin, skin_voxels, depth, nearest })
+    Ok(Depth { skin, skin_voxels, depth, nearest, voxels_per_unit: 1.0 })
 }
 
 /// Depths of a row of voxels below the skin points nearest to them.
@@ -143,5 +162,5 @@ fn skin_point(solid: &Solid, voxel: usize) -> SkinPoint {
         }
     }
     let normal = (-level.gradient(position)).try_normalize(1e-9).unwrap_or_else(Vector3::z);
-    SkinPoint { position, normal }
+    SkinPoint { position, normal, reach: SKIN_REACH }
 }

@@ -26,6 +26,8 @@ pub(crate) mod clean;
 
 mod working_grid;
 
+pub mod level;
+
 mod grain;
 
 mod bending;
@@ -45,6 +47,7 @@ use rayon::prelude::*;
 
 use self::changes::Changes;
 use self::clean::{keep_one_piece, without_cavities};
+use self::level::Level;
 use self::perturb::perturbed;
 use self::resample::resample;
 use self::senses::Senses;
@@ -53,7 +56,6 @@ use crate::cancel::{Cancel, Cancelled};
 use crate::model::{Refusal, TriangleMesh};
 use crate::numerics::components::boundary_voxels;
 use crate::numerics::distance::nearest_seed;
-use crate::numerics::field::Field;
 use crate::numerics::smooth::gaussian;
 use crate::numerics::surface_nets::zero_surface;
 use crate::numerics::topology::euler_number;
@@ -64,9 +66,11 @@ use crate::space::{Grid, WorldFromVoxel, WorldPoint};
 /// Standard deviation of the smoothing that turns voxels into a sub-voxel boundary, working
 /// voxels. Below 0.7 the staircase stays; above 1.2 edges round off by more than a tenth.
 const BOUNDARY_SIGMA: f64 = 1.0;
-/// The same of a boundary that was found by its shape, which has no staircase: what single wrong voxels make of it. With
+/// The same of a boundary that was found by its shape, which has no staircase, in grains: what single wrong voxels make of it. With
 /// none, 3 % of them double the error of the medial sheet; with 1, edges round off as above.
 const SHAPE_SIGMA: f64 = 0.7;
+/// Working voxels to a grain from which lengths count in grains. Nearer to 1 both are the same but for rounding.
+const LEAST_ENLARGED: f64 = 1.05;
 /// Voxels that one thread takes at a time, or between two looks at whether to stop, where little is done with each:
 /// some ten to a hundred microseconds. Fewer are not worth handing over, many more would make a stop wait.
 const SLICE: usize = 1 << 16;
@@ -77,11 +81,13 @@ pub struct Solid {
     /// Inside of the sub-voxel boundary: one 26-component without cavities.
     pub inside: Grid<bool>,
     /// Positive inside, 0 on the sub-voxel boundary, without a unit.
-    pub level: Field,
+    pub level: Level,
     /// World position of work space.
     pub world_from_work: WorldFromVoxel,
     /// Edge of a working voxel, mm.
-    pub voxel_mm: f64,
+    pub working_voxel_mm: f64,
+    /// The unit of work space, mm.
+    pub unit_mm: f64,
     /// The mask on its own voxels, without cavities, before any resampling.
     pub native: NativeMask,
     /// Which way is positive in the world.
@@ -129,20 +135,21 @@ pub fn masked(part: &NativeMask, context: &Context<'_>) -> Result<Masked, Pipeli
         (mask, smoothed(soft, context)?)
     } else {
         let (mask, mut level) = resample(&native, &plan, context)?;
-        gaussian(&mut level, [SHAPE_SIGMA; 3], context)?;
+        let sigma = SHAPE_SIGMA * voxels_per_grain(&native, plan.voxel_mm);
+        gaussian(&mut level, [sigma; 3], context)?;
         (mask, level)
     };
     context.advance(0.6);
     let inside = keep_one_piece(&mut level, context)?;
-    let level = Field(level);
+    let level = Level::new(level);
     if !inside.as_slice().contains(&true) {
         return Err(too_thin(&mask, plan.voxel_mm, context)?.into());
     }
     warn_if_tunnels_closed(&inside, &mask, context)?;
     context.advance(0.8);
-    let WorkingGrid { world_from_work, voxel_mm, .. } = plan;
+    let WorkingGrid { world_from_work, voxel_mm: working_voxel_mm, .. } = plan;
     let senses = Senses::of(&inside, &world_from_work, context)?;
-    let solid = Solid { inside, level, world_from_work, voxel_mm, native, senses };
+    let solid = Solid { inside, level, world_from_work, working_voxel_mm, unit_mm: working_voxel_mm, native, senses };
     if let Some(repeat) = context.repeat {
         let solid = perturbed(solid, repeat.number, context)?;
         return Ok(Masked { solid, object: TriangleMesh::default(), changes: Changes::default() });
@@ -176,9 +183,15 @@ fn warn_if_tunnels_closed(inside: &Grid<bool>, mask: &Grid<bool>, context: &Cont
     Ok(())
 }
 
+fn voxels_per_grain(native: &NativeMask, working_voxel_mm: f64) -> f64 {
+    let finest = native.world_from_voxel.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
+    let voxels = finest / working_voxel_mm;
+    if voxels < LEAST_ENLARGED { 1.0 } else { voxels }
+}
+
 /// The smooth outer surface of the mask in the world.
 fn object_mesh(solid: &Solid, cancel: &dyn Cancel) -> Result<TriangleMesh, Cancelled> {
-    let mesh = zero_surface(&solid.level.0, cancel)?;
+    let mesh = zero_surface(&solid.level.field.0, cancel)?;
     let mut triangles = mesh.triangles;
     if solid.world_from_work.matrix().determinant() < 0.0 {
         for triangle in &mut triangles {
@@ -189,6 +202,22 @@ fn object_mesh(solid: &Solid, cancel: &dyn Cancel) -> Result<TriangleMesh, Cance
 }
 
 impl Solid {
+    /// The same solid in a unit of so many working voxels.
+    pub(in crate::pipeline) fn in_units(self, voxels_per_unit: f64) -> Self {
+        Self {
+            level: self.level.in_units(voxels_per_unit),
+            world_from_work: self.world_from_work.enlarged([voxels_per_unit; 3]),
+            unit_mm: self.working_voxel_mm * voxels_per_unit,
+            ..self
+        }
+    }
+
+    /// Working voxels to a grain of the mask, 1 at the least: what is smaller than a grain the mask does not tell, and what
+    /// is smaller than a working voxel the grid does not.
+    pub(in crate::pipeline) fn voxels_per_grain(&self) -> f64 {
+        voxels_per_grain(&self.native, self.working_voxel_mm)
+    }
+
     /// Points of work space in the world.
     #[must_use]
     pub(crate) fn in_world(&self, points: &[Point3<f64>]) -> Vec<WorldPoint> {

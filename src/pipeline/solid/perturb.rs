@@ -11,11 +11,12 @@
 //!    small amount everywhere for what the smoothing of the mask leaves of the staircase.
 
 use crate::cancel::{Cancel, Cancelled};
-use crate::numerics::field::{Field, centre, floor_index};
+use crate::numerics::field::{centre, floor_index};
 use crate::numerics::smooth::gaussian;
 use crate::space::Grid;
 
 use super::clean::keep_one_piece;
+use super::level::Level;
 use super::senses::Senses;
 use super::{SLICE, Solid};
 
@@ -40,13 +41,13 @@ const SEED: u64 = 0x6d65_6469_616c_7265;
 /// # Errors
 /// When it is cancelled.
 pub(super) fn perturbed(solid: Solid, number: u64, cancel: &dyn Cancel) -> Result<Solid, Cancelled> {
-    let native = solid.native.world_from_voxel.spacing_mm().map(|s| s / solid.voxel_mm);
+    let native = solid.native.world_from_voxel.spacing_mm().map(|s| s / solid.working_voxel_mm);
     let slack = slack(&solid, native, cancel)?;
-    let noise = noise(solid.level.0.dims(), native, number, cancel)?;
-    let mut level = moved(&solid.level.0, &noise, &slack, cancel)?;
+    let noise = noise(solid.level.field.0.dims(), native, number, cancel)?;
+    let mut level = moved(&solid.level.field.0, &noise, &slack, cancel)?;
     let inside = keep_one_piece(&mut level, cancel)?;
     let senses = Senses::of(&inside, &solid.world_from_work, cancel)?;
-    Ok(Solid { inside, level: Field(level), senses, ..solid })
+    Ok(Solid { inside, level: Level::new(level), senses, ..solid })
 }
 
 /// The level with its zero moved by the noise times the slack.
@@ -103,7 +104,7 @@ fn slack(solid: &Solid, native: [f64; 3], cancel: &dyn Cancel) -> Result<Grid<f3
 /// Distance from the boundary of the outside and of the inside voxel centres in every working voxel, half a native
 /// voxel where there are none.
 fn gaps(solid: &Solid, native: [f64; 3], cancel: &dyn Cancel) -> Result<[Grid<f32>; 2], Cancelled> {
-    let dims = solid.level.0.dims();
+    let dims = solid.level.field.0.dims();
     #[expect(clippy::cast_possible_truncation, reason = "the grid is f32")]
     let most = (native.into_iter().fold(0.0, f64::max) / 2.0) as f32;
     let mut gaps = [Grid::try_filled(dims, most, cancel)?, Grid::try_filled(dims, most, cancel)?];

@@ -14,7 +14,7 @@ use super::nodes::Nodes;
 use super::shares::Share;
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::{FLANK, Flanks, Side, ring};
-use crate::numerics::field::Field;
+use crate::pipeline::solid::level::Level;
 
 /// How far from its node a vector of the fan may end, in lengths of the longer of the spokes and the crest vector, and
 /// what is added in voxels. With less, corners of flat ends are cut off; with more, vectors run along thin parts.
@@ -29,7 +29,7 @@ const BACK: f64 = 0.8;
 ///
 /// # Errors
 /// When it is cancelled.
-pub fn round_rim(nodes: &mut Nodes, level: &Field, share: Share<'_>, cancel: &dyn Cancel) -> Result<(), Cancelled> {
+pub fn round_rim(nodes: &mut Nodes, level: &Level, share: Share<'_>, cancel: &dyn Cancel) -> Result<(), Cancelled> {
     let edge = ring(nodes.size);
     nodes.straighten_arcs();
     let straight = nodes.flanks.clone();
@@ -82,7 +82,7 @@ struct Fan {
 impl Fan {
     /// Where the `k`th vector, from the spoke on, meets the skin, or the share of another sheet beyond the straight way from
     /// end to end; the first goes on along that share. `None` where it meets neither, and where the fan has no angle.
-    fn end(&self, level: &Field, k: usize, reach: f64, share: Share<'_>) -> Option<Point3<f64>> {
+    fn end(&self, level: &Level, k: usize, reach: f64, share: Share<'_>) -> Option<Point3<f64>> {
         /// Sine of a fan's angle, or of what it lacks to a half turn, below which it has none: directions between would
         /// be those of rounding errors.
         const LEAST_SINE: f64 = 1e-3;
@@ -106,7 +106,7 @@ impl Fan {
     }
 
     /// A point at the share of another sheet, carried on along the spoke: up to the skin between the two.
-    fn raised(&self, level: &Field, point: Point3<f64>, reach: f64, share: Share<'_>) -> Point3<f64> {
+    fn raised(&self, level: &Level, point: Point3<f64>, reach: f64, share: Share<'_>) -> Point3<f64> {
         let along = (self.spoke - self.from).normalize();
         let height = level.first_zero(point, along, reach).unwrap_or(0.0);
         point + along * share.own_length(point, along, [0.0, height])

@@ -3,9 +3,9 @@
 use nalgebra::{Point3, Vector2, Vector3};
 
 use crate::model::{LatticeSize, ring};
-use crate::numerics::field::Field;
 use crate::pipeline::lattice::Lattice;
 use crate::pipeline::lattice::map::{Node, SpaceFromPlane};
+use crate::pipeline::solid::level::Level;
 
 /// What lies ahead of a node of the lattice's edge.
 #[derive(Clone, Copy, Debug)]
@@ -54,7 +54,7 @@ pub fn beyond_hinges(lattice: &Lattice, map: &SpaceFromPlane<'_>, hinge: &[Point
 
 /// The crest point of every node of the lattice's edge, in the order of [`ring`].
 #[must_use]
-pub fn crest(level: &Field, size: LatticeSize, medial: &[Node], ahead: &[Ahead]) -> Vec<Point3<f64>> {
+pub fn crest(level: &Level, size: LatticeSize, medial: &[Node], ahead: &[Ahead]) -> Vec<Point3<f64>> {
     let mut crest = Vec::with_capacity(ahead.len());
     for (n, ahead) in ring(size).into_iter().zip(ahead) {
         crest.push(crest_point(level, &medial[n], ahead));
@@ -64,7 +64,7 @@ pub fn crest(level: &Field, size: LatticeSize, medial: &[Node], ahead: &[Ahead])
 
 /// Where the sheet, carried on outward past its rim in its own plane, meets the boundary. Where it meets other sheets
 /// instead, the crest is the rim itself.
-fn crest_point(level: &Field, node: &Node, ahead: &Ahead) -> Point3<f64> {
+fn crest_point(level: &Level, node: &Node, ahead: &Ahead) -> Point3<f64> {
     /// How far a crest at a hinge lies outside of its node at the least, voxels: a wedge must have a volume. Nothing else
     /// hangs on it from 0.02 to 1.
     const LEAST: f64 = 0.25;

@@ -11,7 +11,7 @@ use super::shorten::CUT;
 use super::spoked_lattice::nodes_around;
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::ring;
-use crate::numerics::field::Field;
+use crate::pipeline::solid::level::Level;
 
 /// Rounds of turning. On the structures of [`ROUNDS`](super::untangle::ROUNDS) 10 rounds cut a tenth more nodes short
 /// (268 against 244); 100 cut none less.
@@ -38,7 +38,7 @@ pub struct Mended {
 ///
 /// # Errors
 /// When it is cancelled.
-pub fn mend_crest(nodes: &mut Nodes, level: &Field, cancel: &dyn Cancel) -> Result<Mended, Cancelled> {
+pub fn mend_crest(nodes: &mut Nodes, level: &Level, cancel: &dyn Cancel) -> Result<Mended, Cancelled> {
     let edge = ring(nodes.size);
     let mut mended = Mended::default();
     for round in 0..=TURNS + CUTS {

@@ -10,12 +10,12 @@ use super::crest::{crest, look_ahead};
 use super::nodes::Nodes;
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::PerSurface;
-use crate::numerics::field::Field;
 use crate::pipeline::lattice::Lattice;
 use crate::pipeline::lattice::map::SpaceFromPlane;
 use crate::pipeline::plane::Flat;
 use crate::pipeline::sides::{SheetSides, Side};
 use crate::pipeline::solid::Solid;
+use crate::pipeline::solid::level::Level;
 
 /// Newton steps that carry a node onto the sub-voxel boundary. The second moves the overlap with the mask by 0.0001, those
 /// after it by less.
@@ -62,7 +62,7 @@ fn on_side(
     side: &Side,
     flat: &Flat,
     lattice: &Lattice,
-    level: &Field,
+    level: &Level,
     cancel: &dyn Cancel,
 ) -> Result<Vec<Point3<f64>>, Cancelled> {
     let map = SpaceFromPlane::new(&flat.points, &side.surface.positions, &[]);
@@ -82,7 +82,7 @@ fn valid_on_all(lattices: &PerSurface<Lattice>) -> Vec<bool> {
 }
 
 /// The point of the boundary that a point near it is carried to along the gradient.
-fn onto_boundary(level: &Field, from: Point3<f64>) -> Point3<f64> {
+fn onto_boundary(level: &Level, from: Point3<f64>) -> Point3<f64> {
     let mut p = from;
     for _ in 0..NEWTON_STEPS {
         let gradient = level.gradient(p);

@@ -81,12 +81,7 @@ impl Body<'_> {
     ///
     /// # Errors
     /// When it is cancelled.
-    pub fn spokes(
-        &self,
-        medial: &[Node],
-        hand: f64,
-        cancel: &dyn Cancel,
-    ) -> Result<[Vec<Vector3<f64>>; 2], Cancelled> {
+    pub fn spokes(&self, medial: &[Node], hand: f64, cancel: &dyn Cancel) -> Result<[Vec<Vector3<f64>>; 2], Cancelled> {
         let mut spokes = [Vec::with_capacity(medial.len()), Vec::with_capacity(medial.len())];
         for node in medial {
             cancel.check()?;
@@ -130,12 +125,7 @@ impl Body<'_> {
     /// A spoke's direction, or that of the foot itself when the spoke passes it by: at a concave edge, which
     /// a spoke a few degrees off misses, and where the sheet ends more bluntly than its radius says. `side`: the sheet's
     /// normal on that side.
-    fn aimed(
-        &self,
-        node: &Node,
-        direction: Vector3<f64>,
-        [side, beyond]: [Vector3<f64>; 2],
-    ) -> Vector3<f64> {
+    fn aimed(&self, node: &Node, direction: Vector3<f64>, [side, beyond]: [Vector3<f64>; 2]) -> Vector3<f64> {
         /// Cosine to the direction out of the sheet from which on a foot is another sheet's. At 0 the foot straight below a
         /// hinge may be one by noise; at 0.5 those of arms at right angles are not.
         const OTHER: f64 = 0.25;
