@@ -82,7 +82,7 @@ pub static PARAMS: &[Param] = &[
             Shape::Words(&["auto"])
         ],
         "N × M lattice. Rows run across the shorter intrinsic axis, cols along the longer. \"auto\" takes as many as chords \
-         need to follow the surface within half a voxel of the mask's own grain, 6 × 8 at the least."
+         need to follow the surface within a quarter of a working voxel, 6 × 8 at the least."
     ),
     param!(spacing_mm, [Shape::Number(LENGTH_MM)], "With grid \"auto\": geodesic distance wanted between nodes."),
     param!(
@@ -131,7 +131,7 @@ pub static PARAMS: &[Param] = &[
     param!(
         resolution_mm,
         [Shape::Number(LENGTH_MM)],
-        "Edge of the isotropic working voxel. Default: the finest spacing of the mask."
+        "Edge of the isotropic working voxel. Default: the finest edge of the mask's own grain."
     ),
     param!(
         uncertainty,
