@@ -174,7 +174,7 @@ mod tests {
             (r#"{"labels": []}"#, "labels"),
             (r#"{"labels": [1.5]}"#, "labels"),
             (r#"{"labels": 1}"#, "labels"),
-            (r#"{"spacing_mm": 2}"#, "spacing_mm"),
+            (r#"{"grid": {"rows": 6, "cols": 8}, "spacing_mm": 2}"#, "spacing_mm"),
             (r#"{"uncertainty": 65}"#, "uncertainty"),
             (r#"{"uncertainty": -1}"#, "uncertainty"),
             (r#"{"uncertainty": "yes"}"#, "uncertainty"),

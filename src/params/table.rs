@@ -207,8 +207,10 @@ mod tests {
 
     #[test]
     fn defaults_are_allowed_and_stay_what_they_are() {
-        assert_eq!(*Params::default().check().unwrap(), Params::default());
-        assert_eq!(*Params::read(&[]).unwrap(), Params::default());
+        // But for the margin, which the lattice has.
+        let defaults = Params { margin: Some(0.0), ..Params::default() };
+        assert_eq!(*Params::default().check().unwrap(), defaults);
+        assert_eq!(*Params::read(&[]).unwrap(), defaults);
     }
 
     #[test]

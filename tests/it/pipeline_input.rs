@@ -294,7 +294,7 @@ fn parameters_out_of_range_are_refused_by_name() {
         (Params { neighbors: Neighbors::RadiusMm(0.0), ..base() }, "neighbors.epsilon_mm"),
         (Params { landmarks: Landmarks::Count(2), ..base() }, "landmarks"),
         (Params { prune: Prune::Strength(1.5), ..base() }, "prune"),
-        (Params { spacing_mm: Some(3.0), ..base() }, "spacing_mm"),
+        (Params { grid: grid(6, 8), spacing_mm: Some(3.0), ..base() }, "spacing_mm"),
         (Params { resolution_mm: Some(0.0), ..base() }, "resolution_mm"),
         (Params { max_figures: Some(0), ..base() }, "max_figures"),
         (Params { labels: Some(vec![]), ..base() }, "labels"),
