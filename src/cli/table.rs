@@ -204,9 +204,9 @@ mod tests {
         let expected = "\
 label  figures  verdict  mean thickness  first reason
    11        2  pass            9.88 mm
- 1200        2  warn          123.40 mm  overlap of the cells with the mask is 0.812,
+ 1200        2  warn             123 mm  overlap of the cells with the mask is 0.812,
                                          the threshold is 0.900
-    3        -  refused               -  the object is a ball of radius 4.0 mm: its
+    3        -  refused               -  the object is a ball of radius 4.00 mm: its
                                          medial sheet is shorter than that
 ";
         assert_eq!(table(&three(), 86, false), expected);

@@ -10,7 +10,7 @@ pub enum GridChoice {
         /// Nodes along (j).
         cols: usize,
     },
-    /// From `spacing_mm`, else from the sheet's size and aspect.
+    /// From `spacing_mm`, else as many nodes as chords need to follow the surface.
     Auto,
 }
 

@@ -50,7 +50,7 @@ pub struct Params {
     pub prune: Prune,
     /// Keep at most this many sheets of each part of a label, the largest first.
     pub max_figures: Option<usize>,
-    /// Edge of the isotropic working voxel, mm; `None` means the finest spacing of the mask.
+    /// Edge of the isotropic working voxel, mm; `None` means the finest edge of its grain.
     pub resolution_mm: Option<f64>,
     /// Repeats for the uncertainty of thickness; 0 for none.
     pub uncertainty: usize,

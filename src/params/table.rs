@@ -82,7 +82,7 @@ pub static PARAMS: &[Param] = &[
             Shape::Words(&["auto"])
         ],
         "N × M lattice. Rows run across the shorter intrinsic axis, cols along the longer. \"auto\" takes as many as chords \
-         need to follow the surface within half a voxel of the mask's own grain, 6 × 8 at the least."
+         need to follow the surface within a quarter of a working voxel, 6 × 8 at the least."
     ),
     param!(spacing_mm, [Shape::Number(LENGTH_MM)], "With grid \"auto\": geodesic distance wanted between nodes."),
     param!(
@@ -131,7 +131,7 @@ pub static PARAMS: &[Param] = &[
     param!(
         resolution_mm,
         [Shape::Number(LENGTH_MM)],
-        "Edge of the isotropic working voxel. Default: the finest spacing of the mask."
+        "Edge of the isotropic working voxel. Default: the finest edge of the mask's own grain."
     ),
     param!(
         uncertainty,
@@ -207,8 +207,10 @@ mod tests {
 
     #[test]
     fn defaults_are_allowed_and_stay_what_they_are() {
-        assert_eq!(*Params::default().check().unwrap(), Params::default());
-        assert_eq!(*Params::read(&[]).unwrap(), Params::default());
+        // But for the margin, which the lattice has.
+        let defaults = Params { margin: Some(0.0), ..Params::default() };
+        assert_eq!(*Params::default().check().unwrap(), defaults);
+        assert_eq!(*Params::read(&[]).unwrap(), defaults);
     }
 
     #[test]

@@ -25,7 +25,8 @@ fn mean_steps(figure: &Sheet) -> [f64; 2] {
 fn nodes_are_as_far_apart_as_was_asked() {
     for name in ["slab", "bent_even", "ellipsoid"] {
         for (spacing_mm, margin) in [(3.0, 0.05), (2.0, 0.0)] {
-            let asked = Params { grid: GridChoice::Auto, spacing_mm: Some(spacing_mm), margin, ..params() };
+            let asked =
+                Params { grid: GridChoice::Auto, spacing_mm: Some(spacing_mm), margin: Some(margin), ..params() };
             let figure = figure_of(&volume(name), asked);
             assert_eq!(figure.automatic.grid_from, GridFrom::Spacing);
             // The lattice stays off the rim, and the corners are cut: rows and columns are a little
@@ -42,7 +43,7 @@ fn without_a_spacing_the_lattice_has_the_sheets_aspect() {
     let figure = figure_of(&volume("slab"), Params { grid: GridChoice::Auto, ..params() });
     let LatticeSize { rows, cols } = figure.grid;
     let facts = &figure.automatic;
-    assert_eq!(facts.grid_from, GridFrom::Size);
+    assert_eq!(facts.grid_from, GridFrom::Shape);
     assert!((48..=90).contains(&(rows * cols)), "{rows} × {cols}");
     let [along, across] = mean_steps(&figure);
     assert!((along / across - 1.0).abs() < 0.15, "{along:.2} by {across:.2} mm");

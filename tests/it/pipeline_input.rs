@@ -246,7 +246,7 @@ fn the_regular_lattice_is_a_rectangle_with_nodes_off_the_sheet_flagged() {
 
 #[test]
 fn an_automatic_lattice_follows_the_spacing() {
-    let params = Params { grid: GridChoice::Auto, spacing_mm: Some(5.0), margin: 0.0, ..params() };
+    let params = Params { grid: GridChoice::Auto, spacing_mm: Some(5.0), margin: Some(0.0), ..params() };
     let figure = first_sheet(&model_of(&volume("bent_even"), params));
     let LatticeSize { rows, cols } = figure.grid;
     let step = (figure.medial[cols / 2 + 1] - figure.medial[cols / 2]).norm();
@@ -255,8 +255,8 @@ fn an_automatic_lattice_follows_the_spacing() {
 
 #[test]
 fn the_margin_keeps_nodes_off_the_edge() {
-    let extent = |margin| {
-        let figure = first_sheet(&model_of(&volume("bent_even"), Params { margin, ..params() }));
+    let extent = |margin: f64| {
+        let figure = first_sheet(&model_of(&volume("bent_even"), Params { margin: Some(margin), ..params() }));
         (figure.intrinsic.medial[5 * 20 + 19] - figure.intrinsic.medial[5 * 20]).norm()
     };
     let ratio = extent(0.2) / extent(0.0);
@@ -288,13 +288,13 @@ fn parameters_out_of_range_are_refused_by_name() {
     let cases = [
         (Params { grid: grid(2, 8), ..base() }, "grid.rows"),
         (Params { grid: grid(6, 513), ..base() }, "grid.cols"),
-        (Params { margin: -0.1, ..base() }, "margin"),
-        (Params { margin: f64::NAN, ..base() }, "margin"),
+        (Params { margin: Some(-0.1), ..base() }, "margin"),
+        (Params { margin: Some(f64::NAN), ..base() }, "margin"),
         (Params { neighbors: Neighbors::Count(3), ..base() }, "neighbors.k"),
         (Params { neighbors: Neighbors::RadiusMm(0.0), ..base() }, "neighbors.epsilon_mm"),
         (Params { landmarks: Landmarks::Count(2), ..base() }, "landmarks"),
         (Params { prune: Prune::Strength(1.5), ..base() }, "prune"),
-        (Params { spacing_mm: Some(3.0), ..base() }, "spacing_mm"),
+        (Params { grid: grid(6, 8), spacing_mm: Some(3.0), ..base() }, "spacing_mm"),
         (Params { resolution_mm: Some(0.0), ..base() }, "resolution_mm"),
         (Params { max_figures: Some(0), ..base() }, "max_figures"),
         (Params { labels: Some(vec![]), ..base() }, "labels"),

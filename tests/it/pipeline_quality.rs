@@ -303,9 +303,9 @@ fn a_count_is_told_as_a_count() {
 }
 
 #[test]
-fn more_than_a_twentieth_of_the_nodes_spoilt_is_a_failure() {
+fn nodes_spoilt_are_a_warning_from_a_hundredth_and_a_failure_from_a_twentieth() {
     let of = |marred_nodes: usize| judged(|q| q.repair = Repair { nodes: 100, marred_nodes, ..Repair::default() });
-    assert_eq!(of(5).verdict, Verdict::Pass);
+    assert_eq!([0, 1, 2, 5].map(|n| of(n).verdict), [Verdict::Pass, Verdict::Pass, Verdict::Warn, Verdict::Warn]);
     let quality = of(6);
     assert_eq!((quality.verdict, quality.reasons[0].code.as_ref()), (Verdict::Fail, "repaired_share"));
 }

@@ -108,7 +108,7 @@ fn said(structure: Structure) -> Said {
 }
 
 fn run(volume: &LabelVolume, grid: GridChoice) -> Result<Structure, String> {
-    run_with(volume, Params { grid, margin: 0.02, ..Params::default() })
+    run_with(volume, Params { grid, margin: Some(0.02), ..Params::default() })
 }
 
 fn run_with(volume: &LabelVolume, params: Params) -> Result<Structure, String> {

@@ -21,7 +21,7 @@ use medialrep::space::LabelVolume;
 /// The lattice that results are compared on. Its size and its margin are said here, so that figures are
 /// those of the same lattice when the defaults change.
 pub fn params() -> Params {
-    Params { grid: GridChoice::Fixed { rows: 12, cols: 20 }, margin: 0.02, ..Params::default() }
+    Params { grid: GridChoice::Fixed { rows: 12, cols: 20 }, margin: Some(0.02), ..Params::default() }
 }
 
 /// Runs the pipeline, in silence.

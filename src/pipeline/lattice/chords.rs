@@ -49,7 +49,8 @@ pub(super) fn following(
         }
     }
     let LatticeSize { rows, cols } = FINE;
-    let (mut along, mut across): (Vec<Vec<Point3<f64>>>, Vec<Vec<Point3<f64>>>) = (Vec::new(), Vec::new());
+    let mut along: Vec<Vec<Point3<f64>>> = Vec::new();
+    let mut across: Vec<Vec<Point3<f64>>> = Vec::new();
     for layer in &layers {
         for i in 0..rows {
             along.push((0..cols).map(|j| layer[i * cols + j]).collect());

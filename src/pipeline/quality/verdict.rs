@@ -49,8 +49,9 @@ const CLOSED: (f64, f64) = (0.0015, 0.02);
 /// Residual variance of any surface. The samples have up to 0.001, organs up to 0.01, a vertebra 0.04, or 0.08 on a graph
 /// of 8 neighbours, whose lengths are rough.
 const RESIDUAL: (f64, f64) = (0.05, 0.20);
-/// Spacing variation of the medial lattice. The samples have up to 0.013, organs up to 0.09, with a tail 0.18, and 0.2 where
-/// nodes on a fold had to be moved. No length hangs on it: means are weighted by area. Above 0.4 are sheets folded so much that nothing mends them.
+/// Spacing variation of the medial lattice. The samples have up to 0.013, organs up to 0.09, with a tail 0.18, and 0.2
+/// where nodes on a fold had to be moved. No length hangs on it: means are weighted by area. Above 0.4 are sheets folded
+/// so much that nothing mends them.
 const SPACING: (f64, f64) = (0.25, 0.40);
 /// 95th percentile of the medial offset: one distance to the skin 1.2 and 2.3 times the other.
 /// Single-sheet shapes and organs stay below 0.09, a kidney kept to one sheet has 0.25.
@@ -58,6 +59,11 @@ const OFFSET: (f64, f64) = (0.10, 0.40);
 /// Share of nodes off the sheet. A fitted lattice has none; a regular one has 0.1 to 0.3 over round sheets, 0.45 over that
 /// of a vertebra. With more than half of them off, what is left is no lattice of the sheet.
 const INVALID: (f64, f64) = (0.0, 0.5);
+
+/// Share of the nodes that repair spoilt: cut short, moved off the sheet or merged. They are named one by one and are in
+/// no mean: one in a hundred is the corner of a lattice. With one in twenty the lattice is more the repair's than the
+/// organ's.
+const MARRED: (f64, f64) = (0.01, 0.05);
 
 /// Where measures are worst, as far as it is known.
 #[derive(Clone, Copy, Debug, Default)]
@@ -77,11 +83,6 @@ pub struct Places {
     /// A gap was closed.
     pub closed: Option<WorldPlace>,
 }
-
-/// Share of the nodes that repair spoilt: cut short, moved off the sheet or merged. They are named one by one and are in no
-/// mean: one in a hundred is the corner of a lattice. With one in twenty the lattice is more the repair's than the
-/// organ's.
-const MARRED: (f64, f64) = (0.01, 0.05);
 
 /// What a measure is called in a reason.
 struct Wording {

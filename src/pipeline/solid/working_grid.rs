@@ -169,7 +169,7 @@ mod tests {
     fn the_working_voxel_of_the_hint_fits() {
         let world_from_voxel = WorldFromVoxel::axis_aligned([0.7, 0.9, 3.1], [0.0; 3]).unwrap();
         for dims in [[90, 60, 20], [400, 3, 3], [30, 30, 30]] {
-            let native = NativeMask { mask: Grid::filled(dims, false), world_from_voxel };
+            let native = NativeMask { mask: Grid::filled(dims, false), world_from_voxel, file_axes: [0, 1, 2] };
             let too_large = WorkingGrid::plan(&native, Some(1e-3)).check_size();
             let Err(Refusal::TooLarge { resolution_mm, .. }) = too_large else { panic!("{dims:?}: {too_large:?}") };
             assert_eq!(WorkingGrid::plan(&native, Some(resolution_mm)).check_size(), Ok(()), "{dims:?}");

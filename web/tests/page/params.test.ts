@@ -37,8 +37,8 @@ test("every parameter of the service has a field that says what it would take an
 });
 
 test("defaults stand in the form", () => {
-  expect(fieldOf("grid").initial).toEqual({ variant: 0, texts: ["6", "8"] });
-  expect(fieldOf("margin").initial).toEqual({ variant: 0, texts: ["0.05"] });
+  expect(fieldOf("grid").initial).toEqual({ variant: 1, texts: [] });
+  expect(fieldOf("margin").variants.map(({ label }) => label)).toEqual(["not set", "a number"]);
   expect(fieldOf("labels").variants.map(({ label }) => label)).toEqual(["not set", "these"]);
   expect(fieldOf("embedding").initial).toEqual({ variant: 0, texts: [] });
   expect(fieldOf("names").initial).toEqual({ variant: 0, texts: [""] });
