@@ -8,7 +8,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::lattice;
+use super::{LEAST_SIZE, lattice};
 use crate::cancel::Cancelled;
 use crate::model::LatticeSize;
 use crate::numerics::field::floor_index;
@@ -19,9 +19,7 @@ use crate::pipeline::plane::region::Region;
 use crate::pipeline::plane::strip::SheetPoints;
 
 /// The lattice that stands for the smooth surfaces. Coarser ones cut off the bends that are looked for.
-const FINE: LatticeSize = LatticeSize { rows: 33, cols: 65 };
-/// The paper's lattice (figure 5).
-const LEAST: LatticeSize = LatticeSize { rows: 6, cols: 8 };
+const FINE: LatticeSize = LatticeSize { rows: 25, cols: 49 };
 /// How far a chord may lie from the surface, voxels: half of one is what the mask says of its boundary.
 const TOLERANCE: f64 = 0.25;
 /// Share of the places that must be within it: at corners the fits that the fine lattice is made of are rough.
@@ -38,9 +36,9 @@ pub(super) fn following(
     points: &SheetPoints,
     context: &Context<'_>,
 ) -> Result<LatticeSize, Cancelled> {
-    let Some(fine) = lattice(region, LatticeKind::Fitted, FINE, 0.0, 0.0, context)? else { return Ok(LEAST) };
+    let Some(fine) = lattice(region, LatticeKind::Fitted, FINE, 0.0, 0.0, context)? else { return Ok(LEAST_SIZE) };
     let map = SpaceFromPlane::new(&points.flat, &points.positions, &points.radii).over_holes();
-    let nodes = map.nodes(&fine.nodes, context)?;
+    let nodes = map.rough_nodes(&fine.nodes, context)?;
     let mut layers = [Vec::new(), Vec::new(), Vec::new()];
     for node in &nodes {
         let normal = node.tangents[0].cross(&node.tangents[1]).try_normalize(1e-12).unwrap_or_else(Vector3::zeros);
@@ -62,7 +60,10 @@ pub(super) fn following(
     // The rim is a curve of the sheet itself: its first and last lines.
     let rim_along = [along[0].clone(), along[rows - 1].clone()];
     let rim_across = [across[0].clone(), across[cols - 1].clone()];
-    Ok(LatticeSize { rows: fewest(&across, &rim_across, LEAST.rows), cols: fewest(&along, &rim_along, LEAST.cols) })
+    Ok(LatticeSize {
+        rows: fewest(&across, &rim_across, LEAST_SIZE.rows),
+        cols: fewest(&along, &rim_along, LEAST_SIZE.cols),
+    })
 }
 
 /// The fewest nodes, from `least` on, whose chords follow all lines; no more than the points carry.

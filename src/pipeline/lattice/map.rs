@@ -6,6 +6,7 @@ use nalgebra::{Point2, Point3, SVector, Vector3};
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::cells::Cells;
 use crate::numerics::fit::{LocalFit, quadratic};
+use crate::numerics::parallel::each;
 
 /// Radius of the local fits, voxels. Below 3 the staircase shows: with 2.5, 532 nodes of 74 organs and shapes are
 /// repaired, not 328. Above 6 bends of small radius are flattened: with 10, medial nodes lie twice as far from the
@@ -27,6 +28,9 @@ const MAX_SLOPE_RADIUS: f64 = 12.0;
 /// too small to tell: from 0 to 2 one changes, a thalamus, by less than 0.0005 in overlap; with 4 twelve, by 0.001 at
 /// most.
 const HOLE_RADII: f64 = 2.0;
+
+/// Nodes that one thread takes at a time; fewer are not worth handing over.
+const NODES_PER_TASK: usize = 64;
 
 /// The map from the plane back to space: position and one more value of every point.
 pub struct SpaceFromPlane<'a> {
@@ -68,6 +72,19 @@ impl<'a> SpaceFromPlane<'a> {
     /// were made of: beyond, they say nothing, and the nearest point stands for the place.
     #[must_use]
     pub fn node(&self, p: Point2<f64>) -> Node {
+        self.read(p, true)
+    }
+
+    /// [`Self::node`] of some places, with the slopes of the value as its small fit has them: for where they do not count.
+    ///
+    /// # Errors
+    /// When it is cancelled.
+    pub(super) fn rough_nodes(&self, places: &[Point2<f64>], cancel: &dyn Cancel) -> Result<Vec<Node>, Cancelled> {
+        each(places, NODES_PER_TASK, |p| self.read(*p, false), cancel)
+    }
+
+    /// The node at `p`; its slopes from a fit of their own if they count.
+    fn read(&self, p: Point2<f64>, slopes_count: bool) -> Node {
         let (nearest, gap) = self.nearest(p);
         let (at, gap) = if gap <= self.overreach { (p, gap) } else { (self.flat[nearest], 0.0) };
         let mut radius = FIT_RADIUS.max(HOLE_RADII * gap);
@@ -76,7 +93,8 @@ impl<'a> SpaceFromPlane<'a> {
             if let Some(fit) = self.fit(at, radius) {
                 let mut node = as_node(&fit);
                 let wide = (SLOPE_RADII * node.value).min(MAX_SLOPE_RADIUS);
-                if wide > radius
+                if slopes_count
+                    && wide > radius
                     && let Some(fit) = self.fit(at, wide)
                 {
                     node.slopes = [fit.du[3], fit.dv[3]];

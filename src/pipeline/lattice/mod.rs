@@ -56,6 +56,8 @@ const BALL_LENGTH: f64 = 1.0;
 /// See [`BALL_LENGTH`]. With 1.6, eight of 75 organs and shapes are refused, two thalami among them, which pass; with
 /// 0.4, a rectum and a bladder are laid out that then fail, and an accumbens that does not.
 const TUBE_WIDTH: f64 = 0.8;
+/// The paper's lattice (figure 5): an automatic one has as many nodes at the least.
+pub(super) const LEAST_SIZE: LatticeSize = LatticeSize { rows: 6, cols: 8 };
 /// Width of a tail below which no lattice follows it, voxels: it is a curve there. With 1, rows of a hippocampus lie in its
 /// tail on top of each other, and cells fold; with 2.5, a psoas loses an end of it, 0.016 of the overlap.
 const LEAST_WIDTH: f64 = 1.5;
@@ -188,6 +190,18 @@ fn spaced_as_asked(
         }
     }
     Ok(first)
+}
+
+/// Another lattice over the same sheet.
+///
+/// # Errors
+/// When it is cancelled.
+pub(super) fn relaid(
+    whole: &WholeSheet,
+    size: LatticeSize,
+    context: &Context<'_>,
+) -> Result<Option<Lattice>, Cancelled> {
+    lattice(&whole.region, context.params.lattice, size, context.params.margin(), 0.0, context)
 }
 
 /// Lattices on the three aligned embeddings. `None` when a region is empty.

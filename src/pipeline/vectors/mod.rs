@@ -41,12 +41,16 @@ pub use self::nodes::Nodes;
 
 use self::anchored::anchored;
 use self::arcs::round_rim;
+use self::legality::legality;
 use self::paper::paper;
 use self::shares::Share;
 use crate::cancel::Cancelled;
-use crate::model::{PerSurface, Repair};
+use crate::model::{LatticeSize, PerSurface, Repair};
+use crate::numerics::field::floor_index;
+use crate::params::GridChoice;
 use crate::pipeline::context::Context;
-use crate::pipeline::lattice::Laid;
+use crate::pipeline::lattice::rim::WholeSheet;
+use crate::pipeline::lattice::{LEAST_SIZE, Laid, Lattice, relaid};
 use crate::pipeline::plane::Flat;
 use crate::pipeline::sides::SheetSides;
 use crate::pipeline::solid::Solid;
@@ -64,10 +68,82 @@ pub fn vectors(
     laid: Laid,
     context: &Context<'_>,
 ) -> Result<(Nodes, Repair), Cancelled> {
-    let (mut nodes, repair) = match laid {
-        Laid::Anchored { whole, lattice } => anchored(solid, depth, sheet, &whole, lattice, context)?,
-        Laid::Paper(lattices) => (paper(solid, sheet, flat, lattices, context)?, Repair::default()),
-    };
-    round_rim(&mut nodes, &solid.level, share, context)?;
-    Ok((nodes, repair))
+    match laid {
+        Laid::Anchored { whole, lattice } => {
+            let body = Laying { solid, depth, sheet, share, whole: &whole, context };
+            body.finest_sound(lattice)
+        }
+        Laid::Paper(lattices) => {
+            let mut nodes = paper(solid, sheet, flat, lattices, context)?;
+            round_rim(&mut nodes, &solid.level, share, context)?;
+            Ok((nodes, Repair::default()))
+        }
+    }
+}
+
+/// A sheet that lattices are tried on.
+struct Laying<'a> {
+    solid: &'a Solid,
+    depth: &'a Depth,
+    sheet: &'a SheetSides,
+    share: Share<'a>,
+    whole: &'a WholeSheet,
+    context: &'a Context<'a>,
+}
+
+impl Laying<'_> {
+    /// The nodes of a lattice; where its size was left to us and repair spoils some, those of the first coarser one of which
+    /// it spoils none: bends sharper than the nodes are far apart are smoothed by it. If there is none, those with the
+    /// least spoilt.
+    fn finest_sound(&self, lattice: Lattice) -> Result<(Nodes, Repair), Cancelled> {
+        /// What a side is multiplied with from one try to the next, and how often: from 40 nodes down to 10.
+        const COARSER: f64 = 0.75;
+        const TRIES: usize = 5;
+        let params = self.context.params;
+        let is_ours = params.grid == GridChoice::Auto && params.spacing_mm.is_none() && self.context.repeat.is_none();
+        let mut size = lattice.size;
+        let mut best = self.nodes(lattice)?;
+        for _ in 0..TRIES {
+            if !is_ours || best.2 == Spoilt::default() {
+                break;
+            }
+            let next = coarser(size, COARSER);
+            if next == size {
+                break;
+            }
+            size = next;
+            let Some(lattice) = relaid(self.whole, size, self.context)? else { break };
+            let other = self.nodes(lattice)?;
+            if other.2 < best.2 {
+                best = other;
+            }
+        }
+        Ok((best.0, best.1))
+    }
+
+    fn nodes(&self, lattice: Lattice) -> Result<(Nodes, Repair, Spoilt), Cancelled> {
+        /// Share of nodes that repair may spoil: one in a hundred is the corner of a lattice.
+        const CORNER: f64 = 0.01;
+        let Self { solid, depth, sheet, share, whole, context } = self;
+        let (mut nodes, repair) = anchored(solid, depth, sheet, whole, lattice, *context)?;
+        round_rim(&mut nodes, &solid.level, *share, *context)?;
+        let illegal = legality((&nodes).into()).parts.len();
+        let marred = if repair.marred_share() <= CORNER { 0.0 } else { repair.marred_share() };
+        Ok((nodes, repair, Spoilt { illegal, marred }))
+    }
+}
+
+/// What is wrong with a lattice after repair, the worse first.
+#[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
+struct Spoilt {
+    /// Cells and wedges that stay turned over.
+    illegal: usize,
+    /// Share of the nodes that are spoilt, if it is more than a corner.
+    marred: f64,
+}
+
+/// A size with fewer nodes, the paper's at the least.
+fn coarser(LatticeSize { rows, cols }: LatticeSize, share: f64) -> LatticeSize {
+    let fewer = |count: usize, least: usize| floor_index(count as f64 * share).max(least).min(count);
+    LatticeSize { rows: fewer(rows, LEAST_SIZE.rows), cols: fewer(cols, LEAST_SIZE.cols) }
 }
