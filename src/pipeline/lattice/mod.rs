@@ -199,9 +199,10 @@ fn spaced_as_asked(
 pub(super) fn relaid(
     whole: &WholeSheet,
     size: LatticeSize,
+    margin: f64,
     context: &Context<'_>,
 ) -> Result<Option<Lattice>, Cancelled> {
-    lattice(&whole.region, context.params.lattice, size, context.params.margin(), 0.0, context)
+    lattice(&whole.region, context.params.lattice, size, margin, 0.0, context)
 }
 
 /// Lattices on the three aligned embeddings. `None` when a region is empty.

@@ -92,30 +92,33 @@ struct Laying<'a> {
 }
 
 impl Laying<'_> {
-    /// The nodes of a lattice; where its size was left to us and repair spoils some, those of the first coarser one of which
-    /// it spoils none: bends sharper than the nodes are far apart are smoothed by it. If there is none, those with the
-    /// least spoilt.
+    /// The nodes of a lattice; where its size was left to us and repair spoils some, those of the first of coarser ones, and
+    /// then of ones that leave the rim free, of which it spoils none: bends sharper than the nodes are far apart are smoothed
+    /// by the former, and what noise makes of a rim is left out by the latter. If there is none, those with the least
+    /// spoilt.
     fn finest_sound(&self, lattice: Lattice) -> Result<(Nodes, Repair), Cancelled> {
-        /// What a side is multiplied with from one try to the next, and how often: from 40 nodes down to 10.
-        const COARSER: f64 = 0.75;
-        const TRIES: usize = 5;
         let params = self.context.params;
         let is_ours = params.grid == GridChoice::Auto && params.spacing_mm.is_none() && self.context.repeat.is_none();
-        let mut size = lattice.size;
+        let whole_size = lattice.size;
         let mut best = self.nodes(lattice)?;
-        for _ in 0..TRIES {
-            if !is_ours || best.2 == Spoilt::default() {
+        if !is_ours {
+            return Ok((best.0, best.1));
+        }
+        for (size, margin) in tries(whole_size, params.margin()) {
+            if best.2 == Spoilt::default() {
                 break;
             }
-            let next = coarser(size, COARSER);
-            if next == size {
-                break;
-            }
-            size = next;
-            let Some(lattice) = relaid(self.whole, size, self.context)? else { break };
+            let Some(lattice) = relaid(self.whole, size, margin, self.context)? else { break };
             let other = self.nodes(lattice)?;
             if other.2 < best.2 {
                 best = other;
+                if margin > params.margin() && best.2 == Spoilt::default() {
+                    let message = format!(
+                        "{:.0} % of the lattice's extent are left free at its rim, which is too rough",
+                        100.0 * margin
+                    );
+                    self.context.warn("rim_left_free", message);
+                }
             }
         }
         Ok((best.0, best.1))
@@ -140,6 +143,27 @@ struct Spoilt {
     illegal: usize,
     /// Share of the nodes that are spoilt, if it is more than a corner.
     marred: f64,
+}
+
+/// Lattices to try after the one of a size: coarser ones, then coarse ones with a margin.
+fn tries(size: LatticeSize, margin: f64) -> Vec<(LatticeSize, f64)> {
+    /// What a side is multiplied with: from 40 nodes down to 10.
+    const COARSER: [f64; 5] = [0.75, 0.56, 0.42, 0.32, 0.24];
+    /// Share of the extent left free, and what the sides are multiplied with then.
+    const FREE: [(f64, f64); 4] = [(0.03, 0.75), (0.03, 0.42), (0.06, 0.75), (0.06, 0.32)];
+    let mut tries: Vec<(LatticeSize, f64)> = Vec::new();
+    for share in COARSER {
+        let coarse = coarser(size, share);
+        if coarse != size && tries.last() != Some(&(coarse, margin)) {
+            tries.push((coarse, margin));
+        }
+    }
+    for (free, share) in FREE {
+        if free > margin {
+            tries.push((coarser(size, share), free));
+        }
+    }
+    tries
 }
 
 /// A size with fewer nodes, the paper's at the least.
