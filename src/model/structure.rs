@@ -63,6 +63,7 @@ pub struct Structure {
     pub working_voxel_mm: f64,
     /// Edges of the voxels that the mask was made on, along the axes of the file, mm: those of the file, or larger ones
     /// where it repeats them.
+    #[serde(default)]
     pub grain_mm: [f64; 3],
     /// The parts that were worked on, the largest first.
     #[serde(default)]

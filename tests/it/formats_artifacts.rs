@@ -57,6 +57,9 @@ fn thickness_json_has_the_names_of_the_contract() {
         "color",
         "voxels",
         "volume_mm3",
+        "kept_share",
+        "components",
+        "parts",
         "working_voxel_mm",
         "grain_mm",
         "resolved",
@@ -85,6 +88,7 @@ fn a_figure_has_every_node_in_row_major_order() {
     let names = [
         "index",
         "kind",
+        "part",
         "grid",
         "medial",
         "upper",
@@ -191,7 +195,8 @@ fn uncertainty_is_written_when_it_was_asked_for() {
 fn quality_has_its_names_per_figure_and_per_structure() {
     let document = thickness(&model());
     let structure = &document["structures"][0];
-    let fit = ["dice", "grain_mm", "covered_share", "mask_to_model", "model_to_mask"];
+    let fit = ["dice", "grain_mm", "covered_share", "far_share", "mask_to_model", "model_to_mask"];
+    let sent = ["kept", "outside_share", "worst_place"];
     let folds = [
         "folds",
         "folds_before_repair",
@@ -203,14 +208,29 @@ fn quality_has_its_names_per_figure_and_per_structure() {
     ];
     let even = ["spacing_variation", "distortion", "medial_offset"];
     let turned = ["folded_cells", "folded_centres", "folded_wedges", "self_intersections"];
-    let expected =
-        [&["residual_variance", "embedding"], &folds[..], &["corners"], &turned, &fit, &even, &["valid_share"]]
-            .concat();
+    let expected = [
+        &["residual_variance", "embedding"],
+        &folds[..],
+        &["corners"],
+        &turned,
+        &fit,
+        &even,
+        &["valid_share", "outside_share"],
+    ]
+    .concat();
     assert_eq!(keys(&structure["figures"][0]["quality"]), expected);
     let verdict = ["verdict", "reasons", "thresholds"];
-    let expected =
-        [&verdict, &folds[..], &turned[1..], &fit, &["residual_variance", "turned_over"], &even, &["pruned_sheets"]]
-            .concat();
+    let expected = [
+        &verdict,
+        &folds[..],
+        &turned[1..],
+        &fit,
+        &["residual_variance", "turned_over"],
+        &even,
+        &["pruned_sheets"],
+        &sent,
+    ]
+    .concat();
     assert_eq!(keys(&structure["quality"]), expected);
     let distortion = ["area_sd", "area_max_log", "angle_mean_deg", "angle_max_deg"];
     assert_eq!(keys(&structure["quality"]["distortion"]), distortion);

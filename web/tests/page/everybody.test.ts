@@ -1,6 +1,6 @@
 import type { BrowserContextOptions } from "playwright-core";
 import { expect, test } from "vitest";
-import { usePages } from "../support/pages";
+import { PAPERS, usePages } from "../support/pages";
 import { finishedJob, sampleFile } from "../support/service";
 import { findings, openJob } from "../support/use";
 
@@ -20,7 +20,7 @@ for (const [name, options] of [
     await openJob(page, pages.service.url, pages.bent.id);
     for (const title of ["Take away", "Compare"]) await page.getByRole("heading", { name: title }).click();
     expect(await findings(page)).toEqual([]);
-    const { id } = await finishedJob(pages.service, sampleFile(pages.files, "bent"), { resolution_mm: 1.3 });
+    const { id } = await finishedJob(pages.service, sampleFile(pages.files, "bent"), { ...PAPERS, resolution_mm: 1.3 });
     await page.goto(`${pages.service.url}/#/compare/${pages.bent.id}/${id}`);
     await page.getByText(/Second minus first/).waitFor();
     expect(await findings(page)).toEqual([]);

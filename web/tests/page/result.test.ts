@@ -4,7 +4,7 @@ import { createServer } from "node:http";
 import type { AddressInfo } from "node:net";
 import { expect, test } from "vitest";
 import type { Thickness } from "../../src/model/thickness";
-import { usePages } from "../support/pages";
+import { PAPERS, usePages } from "../support/pages";
 import { finishedJob, resultOf, sampleFile, startService } from "../support/service";
 import { changes, colorAt, distance, openJob, pictureOf, placeOf, settled } from "../support/use";
 
@@ -151,7 +151,7 @@ test("the letters of the axes are where the patient's sides are", async () => {
 
 test("two jobs are compared node by node, under one camera", async () => {
   const page = await pages.open();
-  const { id } = await finishedJob(pages.service, sampleFile(pages.files, "bent"), { resolution_mm: 1.3 });
+  const { id } = await finishedJob(pages.service, sampleFile(pages.files, "bent"), { ...PAPERS, resolution_mm: 1.3 });
   await page.goto(`${pages.service.url}/#/compare/${pages.bent.id}/${id}`);
   await page.getByText(/Second minus first, over 48 nodes/).waitFor();
   const other: Thickness = await resultOf(pages.service, id);

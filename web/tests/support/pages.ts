@@ -15,6 +15,9 @@ interface Pages {
   open(options?: BrowserContextOptions, service?: Service): Promise<Page>;
 }
 
+/** The lattice of the paper. Jobs with it are compared node by node. */
+export const PAPERS = { grid: { rows: 6, cols: 8 } };
+
 /** Starts a service and a browser for the tests of a file. Every test fails that asks another server, or that
  *  makes the page throw or break its own policy. */
 export function usePages(): Pages {
@@ -24,7 +27,7 @@ export function usePages(): Pages {
 
   beforeAll(async () => {
     [browser, pages.service] = await Promise.all([startBrowser(), startService()]);
-    const { id } = await finishedJob(pages.service, sampleFile(pages.files, "bent"));
+    const { id } = await finishedJob(pages.service, sampleFile(pages.files, "bent"), PAPERS);
     pages.bent = { id, numbers: await resultOf(pages.service, id) };
   });
 
