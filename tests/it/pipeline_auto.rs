@@ -6,7 +6,7 @@ use medialrep::model::Sheet;
 use medialrep::params::{Correspondence, GridChoice, Neighbors, Params};
 use medialrep::space::LabelVolume;
 
-use crate::help::phantoms::{first_sheet, model_of, params, volume};
+use crate::help::phantoms::{first_sheet, model_of, params, sample, volume};
 
 fn figure_of(volume: &LabelVolume, params: Params) -> Sheet {
     first_sheet(&model_of(volume, params))
@@ -19,6 +19,20 @@ fn mean_steps(figure: &Sheet) -> [f64; 2] {
     let along: Vec<f64> = (0..rows * cols).filter(|n| n % cols + 1 < cols).map(|n| step(n, n + 1)).collect();
     let across: Vec<f64> = (0..(rows - 1) * cols).map(|n| step(n, n + cols)).collect();
     [along, across].map(|steps| steps.iter().sum::<f64>() / steps.len() as f64)
+}
+
+/// Every pair of nodes that are next to each other along a row or a column.
+fn neighbours(LatticeSize { rows, cols }: LatticeSize) -> Vec<(usize, usize)> {
+    let mut pairs = Vec::new();
+    for n in 0..rows * cols {
+        if n % cols + 1 < cols {
+            pairs.push((n, n + 1));
+        }
+        if n + cols < rows * cols {
+            pairs.push((n, n + cols));
+        }
+    }
+    pairs
 }
 
 #[test]
@@ -39,14 +53,25 @@ fn nodes_are_as_far_apart_as_was_asked() {
 }
 
 #[test]
-fn without_a_spacing_the_lattice_has_the_sheets_aspect() {
-    let figure = figure_of(&volume("slab"), Params { grid: GridChoice::Auto, ..params() });
-    let LatticeSize { rows, cols } = figure.grid;
-    let facts = &figure.automatic;
-    assert_eq!(facts.grid_from, GridFrom::Shape);
-    assert!((48..=90).contains(&(rows * cols)), "{rows} × {cols}");
-    let [along, across] = mean_steps(&figure);
-    assert!((along / across - 1.0).abs() < 0.15, "{along:.2} by {across:.2} mm");
+fn without_a_spacing_the_chords_between_nodes_follow_the_surface() {
+    for name in ["slab", "bent_even"] {
+        let figure = figure_of(&volume(name), Params { grid: GridChoice::Auto, ..params() });
+        assert_eq!(figure.automatic.grid_from, GridFrom::Shape);
+        let (mut near, mut all) = (0, 0);
+        for side in [&figure.upper, &figure.lower] {
+            for (a, b) in neighbours(figure.grid) {
+                all += 1;
+                near += usize::from(sample(name).signed_mm(nalgebra::center(&side[a], &side[b])).abs() < 0.6);
+            }
+        }
+        // A quarter of a voxel for the chord, and the nodes are off by up to a third of one.
+        assert!(near * 20 >= all * 19, "{name}: {near} of {all} chords are near the surface");
+    }
+}
+
+#[test]
+fn the_extents_of_the_sheet_are_told() {
+    let facts = figure_of(&volume("slab"), params()).automatic;
     assert!((facts.length_mm - 54.0).abs() < 2.0 && (facts.width_mm - 38.0).abs() < 2.0, "{facts:?}");
 }
 

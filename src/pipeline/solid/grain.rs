@@ -38,15 +38,17 @@ const FACTORS: (f64, f64) = (1.25, 12.0);
 const LEAST_BLOCKS: f64 = 4.0;
 /// Planes that a factor must forbid to be told from chance.
 const LEAST_FORBIDDEN: f64 = 5.0;
-/// Places with faces at the least.
-const LEAST_PLACES: usize = 4;
+/// Places with faces at the least: four or five lie on the planes of some factor by chance, as those of a box with a small
+/// piece beside it do. With many more, coarse masks of a few slices would not be found.
+const LEAST_PLACES: usize = 6;
 /// Share of a voxel by which the last plane moves from one factor to the next that is tried. A plane counts within half
 /// a voxel: three factors at the least hit it.
 const FACTOR_STEP: f64 = 0.15;
 /// Capture that counts as the best: factors near the true one lose a plane or two at the ends.
 const AS_GOOD: f64 = 0.005;
-/// How far from its plane a face may lie, voxels: it is on the nearest place there is.
-const NEAR: f64 = 0.5 + 1e-6;
+/// How far behind its plane a face may lie, voxels, and less than that before it: it is on the nearest place there is. With
+/// both ends two places count for planes between them, and a ribbon of two flat banks shows a grain of 3.
+const NEAR: f64 = 0.5;
 /// Rows that one thread takes at a time; fewer are not worth handing over.
 const ROWS_PER_TASK: usize = 64;
 
@@ -198,8 +200,8 @@ impl Steps {
 
     /// Whether as many places as a factor has planes can hold enough faces.
     fn may_capture(&self, factor: f64) -> bool {
-        // Within half a voxel of a plane lie one place or two.
-        let planes = 2.0 * (self.length() / factor).ceil() + 2.0;
+        // A place to a plane.
+        let planes = (self.length() / factor).ceil() + 1.0;
         let places = crate::numerics::field::floor_index(planes).min(self.largest.len());
         self.largest[places - 1] >= CAPTURED
     }
@@ -228,7 +230,7 @@ impl Steps {
     fn held(&self, shares: &[f64], factor: f64, phase: f64) -> f64 {
         let mut held = 0.0;
         for (&place, share) in self.places.iter().zip(shares) {
-            if off_plane(place, factor, phase).abs() <= NEAR {
+            if is_on_plane(place, factor, phase) {
                 held += share;
             }
         }
@@ -239,7 +241,7 @@ impl Steps {
     fn occupied(&self, candidate: &Candidate) -> f64 {
         let mut planes: Vec<f64> = Vec::new();
         for &place in &self.places {
-            if off_plane(place, candidate.factor, candidate.phase).abs() <= NEAR {
+            if is_on_plane(place, candidate.factor, candidate.phase) {
                 planes.push(((place as f64 - candidate.phase) / candidate.factor).round());
             }
         }
@@ -313,6 +315,14 @@ fn off_plane(place: usize, factor: f64, phase: f64) -> f64 {
     (beyond - beyond.round()) * factor
 }
 
+/// Whether a place is the nearest to a plane.
+fn is_on_plane(place: usize, factor: f64, phase: f64) -> bool {
+    /// Rounding is not to decide for places halfway.
+    const ROUNDING: f64 = 1e-6;
+    let off = off_plane(place, factor, phase);
+    off > -NEAR + ROUNDING && off <= NEAR + ROUNDING
+}
+
 /// Whether the planes of a factor hold the faces of every slope that has many.
 fn agree(slopes: &[Vec<u64>], candidate: &Candidate) -> bool {
     let all: u64 = slopes.iter().flatten().sum();
@@ -320,7 +330,7 @@ fn agree(slopes: &[Vec<u64>], candidate: &Candidate) -> bool {
         let (mut held, mut total) = (0, 0);
         for (place, &count) in counts.iter().enumerate() {
             total += count;
-            held += if off_plane(place, candidate.factor, candidate.phase).abs() <= NEAR { count } else { 0 };
+            held += if is_on_plane(place, candidate.factor, candidate.phase) { count } else { 0 };
         }
         if total as f64 > SLOPE_SHARE * all as f64 && (held as f64) < CAPTURED_OF_EACH * total as f64 {
             return false;

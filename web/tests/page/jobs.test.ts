@@ -120,6 +120,7 @@ test("a parameter that is out of range is told before anything is sent", async (
   const page = await pages.open();
   await page.goto(pages.service.url);
   await page.getByText("Parameters", { exact: false }).first().click();
+  await page.getByLabel("margin: how to set it").selectOption({ label: "a number" });
   await page.getByLabel("margin", { exact: true }).last().fill("2");
   await page.getByText(/margin: a number from/).waitFor();
   await page.getByText(/Nothing can be sent: look at margin/).waitFor();

@@ -259,7 +259,7 @@ test("picks are forgotten by the button and by Escape, and not drawn where they 
 
 test("a side without values has no say in the scale that two jobs share", async () => {
   const page = await pages.open();
-  const { id } = await finishedJob(pages.service, sampleFile(pages.files, "bent"), { uncertainty: 3 });
+  const { id } = await finishedJob(pages.service, sampleFile(pages.files, "bent"), { ...PAPERS, uncertainty: 3 });
   const rangeOf = (nth: number) =>
     page
       .locator("medial-viewer")
