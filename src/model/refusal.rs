@@ -182,7 +182,10 @@ impl Refusal {
             Self::LabelMissing { present, .. } => format!("ask for one of the labels that are there: {present:?}"),
             Self::EmptyMask => "check the segmentation: send a mask with at least one non-zero voxel".to_owned(),
             Self::TooThin { resolution_mm, .. } if LENGTH_MM.contains(resolution_mm) => {
-                format!("send a finer mask, or try resolution_mm {}", significant(*resolution_mm))
+                {
+                let mm = significant(*resolution_mm);
+                format!("send a mask with voxels of {mm} mm; of an object two voxels thick resolution_mm {mm} may do")
+            }
             }
             Self::Hollow { .. } => {
                 "to measure the wall, send a mask of it that is cut open; to measure the whole, send it filled"

@@ -15,6 +15,27 @@ use super::arc::Arc;
 use crate::numerics::polyline::Polyline;
 use crate::pipeline::plane::region::{PITCH, Region};
 
+/// Where the ends of a region are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ends {
+    /// A tail is followed up to its tip.
+    OfTails,
+    /// Wide ones: three surfaces that are laid out apart have tips of their own, and their lattices must pair.
+    Wide,
+}
+
+impl Ends {
+    /// Length of an end at the least, mean widths.
+    fn least(self) -> f64 {
+        match self {
+            Self::OfTails => LEAST_END,
+            Self::Wide => LEAST_WIDE_END,
+        }
+    }
+}
+
+/// See [`LEAST_END`]: of wide ends.
+const LEAST_WIDE_END: f64 = 0.4;
 /// Length of the outline at an end at the least, as a share of the mean width: pointed ends would
 /// squeeze all rows into a point. The ends of ten organs and shapes are wide enough for 0.1 to do as well; with 0.9, the mask
 /// of a spleen lies 1.18 mm from the model on average, not 1.12.
@@ -25,13 +46,13 @@ const DIAGONALS: [[f64; 2]; 4] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 
 /// The pieces of a region's outline between its corners, counter-clockwise, the short sides across the two ends. `None`
 /// for an empty region.
 #[must_use]
-pub fn sides(region: &Region) -> Option<[Arc; 4]> {
+pub fn sides(region: &Region, ends: Ends) -> Option<[Arc; 4]> {
     let outline = region.outline();
     if outline.len() < 8 {
         return None;
     }
     let outline = Polyline::closed(outline.iter().map(|p| p.coords).collect());
-    let corners = Axis::of(region).corners(region, &outline);
+    let corners = Axis::of(region).corners(region, &outline, ends);
     Some([0, 1, 2, 3].map(|k| Arc::between(&outline, corners[k], corners[(k + 1) % 4])))
 }
 
@@ -117,7 +138,7 @@ impl Axis {
     }
 
     /// Corners in the order of [`DIAGONALS`]; a place is a piece of the outline and a share of it.
-    fn corners(&self, region: &Region, outline: &Polyline<2>) -> [(usize, f64); 4] {
+    fn corners(&self, region: &Region, outline: &Polyline<2>, ends: Ends) -> [(usize, f64); 4] {
         let [mean, half] = self.rectangle(region);
         let mut scaled = Vec::with_capacity(outline.points().len());
         for p in outline.points() {
@@ -125,12 +146,14 @@ impl Axis {
         }
         let scaled = Polyline::open(scaled);
         let mut at = DIAGONALS.map(|diagonal| outline.length_at(scaled.place(farthest(&scaled, diagonal))));
-        for (from, to) in [(1, 2), (3, 0)] {
-            self.draw_to_end(outline, &mut at, from, to);
+        if ends == Ends::OfTails {
+            for (from, to) in [(1, 2), (3, 0)] {
+                self.draw_to_end(outline, &mut at, from, to);
+            }
         }
         // An end that is a point takes in some of the outline on both sides.
         for (from, to) in [(1, 2), (3, 0)] {
-            let missing = (LEAST_END * self.width - length_between(outline, at[from], at[to])).max(0.0);
+            let missing = (ends.least() * self.width - length_between(outline, at[from], at[to])).max(0.0);
             at[from] = (at[from] - missing / 2.0).rem_euclid(outline.length());
             at[to] = (at[to] + missing / 2.0).rem_euclid(outline.length());
         }

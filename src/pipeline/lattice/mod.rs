@@ -33,6 +33,7 @@ mod size;
 
 use nalgebra::Point2;
 
+use self::corners::Ends;
 use self::patch::Patch;
 use self::rim::{WholeSheet, to_rim};
 use self::size::{automatic, respaced};
@@ -58,9 +59,9 @@ const BALL_LENGTH: f64 = 1.0;
 const TUBE_WIDTH: f64 = 0.8;
 /// The paper's lattice (figure 5): an automatic one has as many nodes at the least.
 pub(super) const LEAST_SIZE: LatticeSize = LatticeSize { rows: 6, cols: 8 };
-/// Width of a tail below which no lattice follows it, voxels: it is a curve there. With 1, rows of a hippocampus lie in its
-/// tail on top of each other, and cells fold; with 2.5, a psoas loses an end of it, 0.016 of the overlap.
-const LEAST_WIDTH: f64 = 1.5;
+/// Width of a tail below which no lattice follows it, voxels: it is a curve there. With 1 a hippocampus loses its tail, 0.07
+/// of the overlap, and at 1.5 so does every tail of a single row of points; with none, rows lie on top of each other there.
+const LEAST_WIDTH: f64 = 0.7;
 /// Share of a sheet's area that holes may take before it is said that they were filled: gaps of a
 /// voxel or two in a skeleton are no holes of the organ.
 const HOLES_SAID: f64 = 0.02;
@@ -253,7 +254,9 @@ pub fn lattice(
 ) -> Result<Option<Lattice>, Cancelled> {
     let (nodes, rim) = match kind {
         LatticeKind::Fitted => {
-            let Some(patch) = Patch::of(region, cancel)? else { return Ok(None) };
+            let Some(patch) = Patch::of(region, if inset == 0.0 { Ends::OfTails } else { Ends::Wide }, cancel)? else {
+                return Ok(None);
+            };
             fitted(&patch, size, margin, inset, cancel)?
         }
         LatticeKind::Regular => {
@@ -296,7 +299,9 @@ fn fitted(
     let outer = Patch::of_nodes(EVEN.rows, EVEN.cols, &patch.places(&even));
     let mut shares = evenly_spaced(&inner, size, margin, cancel)?;
     let mut nodes = inner.places(&shares);
-    open_corners(size, &mut nodes);
+    if inset == 0.0 {
+        open_corners(size, &mut nodes);
+    }
     push_to_rim(size, &mut shares);
     let rim = ring(size).into_iter().map(|n| outer.at(shares[n])).collect();
     Ok((nodes, rim))

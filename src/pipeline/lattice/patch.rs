@@ -9,7 +9,7 @@
 use nalgebra::{Point2, Vector2};
 
 use super::arc::Arc;
-use super::corners::sides;
+use super::corners::{Ends, sides};
 use super::harmonic::Harmonic;
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::field::floor_index;
@@ -35,8 +35,8 @@ impl Patch {
     ///
     /// # Errors
     /// When it is cancelled.
-    pub fn of(region: &Region, cancel: &dyn Cancel) -> Result<Option<Self>, Cancelled> {
-        let Some(sides) = sides(region) else { return Ok(None) };
+    pub fn of(region: &Region, ends: Ends, cancel: &dyn Cancel) -> Result<Option<Self>, Cancelled> {
+        let Some(sides) = sides(region, ends) else { return Ok(None) };
         let harmonic = Harmonic::of(region, &sides, cancel)?;
         let mut patch = Self { rows: TABLE, cols: TABLE, table: vec![Vector2::repeat(f64::NAN); TABLE * TABLE] };
         for [a, b, c, d] in harmonic.cells() {

@@ -17,7 +17,7 @@ const FEET_COSINE: f64 = 0.5;
 const MIN_CHORD: f64 = 3.0;
 /// The same in grains of the mask: what its own staircase makes. With less, every bump of an organ on a finer grid has a
 /// sheet; with more, thin organs have none there either.
-const MIN_CHORD_GRAINS: f64 = 3.0;
+const MIN_CHORD_GRAINS: f64 = 2.0;
 /// Difference of two distances that rounding can make, voxels: feet are a little off the boundary. With less, an
 /// even thickness gets a mixture of its two middle layers; with more, the layer that is further off.
 const TIE: f64 = 0.05;
