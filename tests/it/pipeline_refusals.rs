@@ -1,7 +1,6 @@
 //! Shapes that are refused by name, each through the whole pipeline.
 
 use medialrep::model::Refusal;
-use medialrep::params::Params;
 use medialrep::pipeline::PipelineError;
 use medialrep::space::{LabelVolume, significant};
 use nalgebra::Rotation3;
