@@ -184,7 +184,7 @@ impl Refusal {
             Self::TooThin { resolution_mm, .. } if LENGTH_MM.contains(resolution_mm) => {
                 {
                 let mm = significant(*resolution_mm);
-                format!("send a mask with voxels of {mm} mm; of an object two voxels thick resolution_mm {mm} may do")
+                format!("send a mask of finer voxels or, where the object is two voxels thick, try resolution_mm {mm}")
             }
             }
             Self::Hollow { .. } => {
