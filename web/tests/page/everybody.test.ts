@@ -15,7 +15,7 @@ for (const [name, options] of [
     const page = await pages.open({ ...options });
     await page.goto(pages.service.url);
     await page.getByText("Parameters", { exact: false }).first().click();
-    await page.getByLabel("margin", { exact: true }).last().fill("2");
+    await page.getByLabel("uncertainty", { exact: true }).last().fill("65");
     expect(await findings(page)).toEqual([]);
     await openJob(page, pages.service.url, pages.bent.id);
     for (const title of ["Take away", "Compare"]) await page.getByRole("heading", { name: title }).click();

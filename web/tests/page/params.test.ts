@@ -62,7 +62,7 @@ test("what was filled in is sent as the service reads it", () => {
   };
   const numbers = { labels: [11, -3, 7], margin: 0.1, neighbors: { epsilon_mm: 4 }, spacing_mm: 2.5, prune: 0.5 };
   const lists = { names: { 11: "left: caudate", "-3": "rest" }, outputs: ["model.glb", "points.csv"] };
-  const params = { ...numbers, grid: "auto", landmarks: "all", lattice: "regular", embedding: "lle", ...lists };
+  const params = { ...numbers, landmarks: "all", lattice: "regular", embedding: "lle", ...lists };
   expect(assemble(fields, form)).toEqual({ params, wrong: {} });
 });
 
