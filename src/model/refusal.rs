@@ -182,10 +182,7 @@ impl Refusal {
             Self::LabelMissing { present, .. } => format!("ask for one of the labels that are there: {present:?}"),
             Self::EmptyMask => "check the segmentation: send a mask with at least one non-zero voxel".to_owned(),
             Self::TooThin { resolution_mm, .. } if LENGTH_MM.contains(resolution_mm) => {
-                {
-                let mm = significant(*resolution_mm);
-                format!("send a mask of finer voxels or, where the object is two voxels thick, try resolution_mm {mm}")
-            }
+                format!("send a finer mask, or try resolution_mm {}", significant(*resolution_mm))
             }
             Self::Hollow { .. } => {
                 "to measure the wall, send a mask of it that is cut open; to measure the whole, send it filled"

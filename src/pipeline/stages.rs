@@ -149,7 +149,7 @@ fn worked(
     let depth = context.stage(Stage::Distance, || depth(&solid, context))?;
     let surface = context.stage(Stage::Skeleton, || medial_surface(&solid, &depth, context))?;
     // From here on lengths count in grains.
-    let grain = solid.voxels_per_grain();
+    let grain = solid.voxels_per_grain;
     let (solid, depth, surface) = (solid.in_units(grain), depth.in_units(grain), surface.in_units(grain));
     let sheets = context.stage(Stage::Sheets, || sheets(&surface, &solid, &depth, context))?;
     let laid = context.stage(Stage::Isomap, || laid_flat(&surface, sheets, &solid, context))?;

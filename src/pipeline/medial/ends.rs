@@ -34,7 +34,7 @@ pub(super) fn medial_voxels(solid: &Solid, depth: &Depth, cancel: &dyn Cancel) -
 fn medial_of_row(solid: &Solid, depth: &Depth, row: usize) -> Vec<usize> {
     let [nx, ny, _] = solid.inside.dims();
     let (inside, nearest) = (solid.inside.as_slice(), depth.nearest.as_slice());
-    let chord = MIN_CHORD.max(MIN_CHORD_GRAINS * solid.voxels_per_grain());
+    let chord = MIN_CHORD.max(MIN_CHORD_GRAINS * solid.voxels_per_grain);
     let mut found = Vec::new();
     for i in 0..nx {
         let offset = row * nx + i;

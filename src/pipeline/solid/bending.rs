@@ -41,6 +41,9 @@ pub(super) fn least_bending(
     cancel: &dyn Cancel,
 ) -> Result<Grid<f32>, Cancelled> {
     let distance = signed_distance_mm(mask, spacing_mm, cancel)?;
+    if is_thin(&distance, spacing_mm) {
+        return Ok(distance);
+    }
     let longest = spacing_mm.into_iter().fold(0.0, f64::max);
     let mut level = bounded(&distance, FAR * longest, cancel)?;
     gaussian(&mut level, [START_SIGMA; 3], cancel)?;
@@ -60,6 +63,13 @@ pub(super) fn least_bending(
         pace = next_pace;
     }
     Ok(before)
+}
+
+/// Whether a solid is nowhere deeper than an edge of a voxel: one or two voxels wide. Bending least, its two sides would
+/// meet: there is no voxel between them that holds them apart.
+fn is_thin(distance_mm: &Grid<f32>, spacing_mm: [f64; 3]) -> bool {
+    let shortest = spacing_mm.into_iter().fold(f64::INFINITY, f64::min);
+    distance_mm.as_slice().iter().all(|d| f64::from(*d) < shortest)
 }
 
 /// A voxel whose level is looked for.

@@ -69,7 +69,7 @@ const BOUNDARY_SIGMA: f64 = 1.0;
 /// The same of a boundary that was found by its shape, which has no staircase, in grains: what single wrong voxels make of it. With
 /// none, 3 % of them double the error of the medial sheet; with 1, edges round off as above.
 const SHAPE_SIGMA: f64 = 0.7;
-/// Working voxels to a grain from which lengths count in grains. Nearer to 1 both are the same but for rounding.
+/// Working voxels to a grain from which lengths count in it. Nearer to 1 both are the same but for rounding.
 const LEAST_ENLARGED: f64 = 1.05;
 /// Voxels that one thread takes at a time, or between two looks at whether to stop, where little is done with each:
 /// some ten to a hundred microseconds. Fewer are not worth handing over, many more would make a stop wait.
@@ -88,6 +88,9 @@ pub struct Solid {
     pub working_voxel_mm: f64,
     /// The unit of work space, mm.
     pub unit_mm: f64,
+    /// Working voxels to the length that all others count in: the mask's grain, half of the largest depth in thinner solids,
+    /// a voxel at the least.
+    pub voxels_per_grain: f64,
     /// The mask on its own voxels, without cavities, before any resampling.
     pub native: NativeMask,
     /// Which way is positive in the world.
@@ -130,14 +133,14 @@ pub fn masked(part: &NativeMask, context: &Context<'_>) -> Result<Masked, Pipeli
     context.advance(0.2);
     let native = NativeMask { mask: without_cavities(&part.mask, context)?, ..*part };
     context.advance(0.4);
-    let (mask, mut level) = if plan.is_native {
+    let (mask, mut level, voxels_per_grain) = if plan.is_native {
         let (mask, soft) = embed(&native.mask, &plan, context)?;
-        (mask, smoothed(soft, context)?)
+        (mask, smoothed(soft, context)?, 1.0)
     } else {
         let (mask, mut level) = resample(&native, &plan, context)?;
-        let sigma = SHAPE_SIGMA * voxels_per_grain(&native, plan.voxel_mm);
-        gaussian(&mut level, [sigma; 3], context)?;
-        (mask, level)
+        let voxels_per_grain = voxels_per_grain(&native, plan.voxel_mm, &level);
+        gaussian(&mut level, [SHAPE_SIGMA * voxels_per_grain; 3], context)?;
+        (mask, level, voxels_per_grain)
     };
     context.advance(0.6);
     let inside = keep_one_piece(&mut level, context)?;
@@ -149,7 +152,8 @@ pub fn masked(part: &NativeMask, context: &Context<'_>) -> Result<Masked, Pipeli
     context.advance(0.8);
     let WorkingGrid { world_from_work, voxel_mm: working_voxel_mm, .. } = plan;
     let senses = Senses::of(&inside, &world_from_work, context)?;
-    let solid = Solid { inside, level, world_from_work, working_voxel_mm, unit_mm: working_voxel_mm, native, senses };
+    let unit_mm = working_voxel_mm;
+    let solid = Solid { inside, level, world_from_work, working_voxel_mm, unit_mm, voxels_per_grain, native, senses };
     if let Some(repeat) = context.repeat {
         let solid = perturbed(solid, repeat.number, context)?;
         return Ok(Masked { solid, object: TriangleMesh::default(), changes: Changes::default() });
@@ -183,9 +187,14 @@ fn warn_if_tunnels_closed(inside: &Grid<bool>, mask: &Grid<bool>, context: &Cont
     Ok(())
 }
 
-fn voxels_per_grain(native: &NativeMask, working_voxel_mm: f64) -> f64 {
+/// See [`Solid::voxels_per_grain`]. `level`: of the mask on the working grid, in its voxels.
+fn voxels_per_grain(native: &NativeMask, working_voxel_mm: f64, level: &Grid<f32>) -> f64 {
     let finest = native.world_from_voxel.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
-    let voxels = finest / working_voxel_mm;
+    let mut deepest = 0.0f32;
+    for &value in level.as_slice() {
+        deepest = deepest.max(value);
+    }
+    let voxels = (finest / working_voxel_mm).min(f64::from(deepest) / 2.0);
     if voxels < LEAST_ENLARGED { 1.0 } else { voxels }
 }
 
@@ -210,12 +219,6 @@ impl Solid {
             unit_mm: self.working_voxel_mm * voxels_per_unit,
             ..self
         }
-    }
-
-    /// Working voxels to a grain of the mask, 1 at the least: what is smaller than a grain the mask does not tell, and what
-    /// is smaller than a working voxel the grid does not.
-    pub(in crate::pipeline) fn voxels_per_grain(&self) -> f64 {
-        voxels_per_grain(&self.native, self.working_voxel_mm)
     }
 
     /// Points of work space in the world.

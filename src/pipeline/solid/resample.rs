@@ -9,8 +9,8 @@ use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::field::{centre, floor_index};
 use crate::space::{Grid, WorldFromVoxel};
 
-/// Distance from the boundary, working voxels, beyond which the level stays the same: room for every step that is made
-/// from a voxel's centre to the boundary, and for gradients there.
+/// Distance from the boundary beyond which the level stays the same, in working voxels and in the mask's, whichever are
+/// longer: room for every step that is made from a voxel's centre to the boundary, for gradients there, and for smoothing.
 const REACH: f64 = 4.0;
 /// Level that counts as 0, working voxels: rounding is to decide nothing. It is more than f32 rounds by, and less than
 /// any mask means.
@@ -34,6 +34,8 @@ struct Source<'a> {
     /// Where they lie, the first voxel of the mask at the origin.
     crop_mm: WorldFromVoxel,
     plan: &'a WorkingGrid,
+    /// [`REACH`] in working voxels.
+    reach: f64,
 }
 
 impl<'a> Source<'a> {
@@ -41,14 +43,15 @@ impl<'a> Source<'a> {
         let roomy = with_room(&native.mask, cancel)?;
         let level_mm = least_bending(&roomy, native.world_from_voxel.spacing_mm(), cancel)?;
         let (crop_mm, _) = at_origin(&native.world_from_voxel);
-        Ok(Self { level_mm, crop_mm, plan })
+        let finest = native.world_from_voxel.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
+        Ok(Self { level_mm, crop_mm, plan, reach: REACH * (finest / plan.voxel_mm).max(1.0) })
     }
 
     fn level(&self, at: Point3<f64>) -> f32 {
         let place = self.crop_mm.voxel(self.plan.centred.point(at)) + Vector3::repeat(ROOM as f64);
         let level = cubic(&self.level_mm, place) / self.plan.voxel_mm;
         #[expect(clippy::cast_possible_truncation, reason = "the grid is f32")]
-        let level = level.clamp(-REACH, REACH) as f32;
+        let level = level.clamp(-self.reach, self.reach) as f32;
         level
     }
 }
