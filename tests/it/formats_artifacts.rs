@@ -332,6 +332,13 @@ fn a_record_that_is_damaged_or_of_another_version_is_refused() {
     record.write(&mut kept).unwrap();
     assert!(matches!(Record::read(&kept[..kept.len() / 2]), Err(RecordError::Damaged(_))));
     assert!(matches!(Record::read(&kept[..2]), Err(RecordError::Damaged(_))));
+    // One of before there was a hash.
+    let mut unhashed = kept[..kept.len() - 32].to_vec();
+    unhashed[3] = 1;
+    assert!(Record::read(unhashed.as_slice()).is_ok());
+    let mut turned_over = kept.clone();
+    turned_over[kept.len() / 2] ^= 1;
+    assert!(matches!(Record::read(turned_over.as_slice()), Err(RecordError::Damaged(_))));
     kept[3] = 99;
     assert!(matches!(Record::read(kept.as_slice()), Err(RecordError::Version { found: 99 })));
 }

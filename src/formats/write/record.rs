@@ -1,18 +1,24 @@
 //! A result as it is kept: everything that any artifact is made from, exactly. An artifact that was not asked for
 //! when the job ran is made from it later, and has the bytes that it would have had.
 //!
-//! MessagePack with names, so that a later version of the program reads it when fields were added.
+//! MessagePack with names, so that a later version of the program reads it when fields were added, between the version and
+//! a hash of both: a bit that turned over in a number could not be told otherwise.
 
 use std::io::{self, Read, Write};
 
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 
 use super::thickness::{InputFacts, OuterTimings};
 use crate::formats::params_json::{self, ParamsJsonError, params_to_json};
 use crate::model::{Model, Warning};
 
-/// Version of what is written; another one is not read.
-const VERSION: u32 = 1;
+/// Version of what is written.
+const VERSION: u32 = 2;
+/// Version of what was written without a hash, which is read too.
+const UNHASHED: u32 = 1;
+/// Bytes of the hash.
+const HASH_BYTES: usize = 32;
 
 /// A model with what the artifacts say of its file and its run.
 #[derive(Clone, Debug)]
@@ -44,21 +50,29 @@ pub enum RecordError {
     Params(#[from] ParamsJsonError),
 }
 
-/// Keeps the error of writing: the encoder hands it on without its kind, and a full disk is to be told as one.
+/// Hashes what is written, and keeps the error of writing: the encoder hands it on without its kind, and a full disk is
+/// to be told as one.
 struct Told<W> {
     out: W,
+    hash: Sha256,
     error: Option<io::Error>,
 }
 
 impl<W: Write> Write for Told<W> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.out.write(bytes).map_err(|error| {
-            let kind = error.kind();
-            if kind != io::ErrorKind::Interrupted {
-                self.error = Some(error);
+        match self.out.write(bytes) {
+            Ok(written) => {
+                self.hash.update(&bytes[..written]);
+                Ok(written)
             }
-            kind.into()
-        })
+            Err(error) => {
+                let kind = error.kind();
+                if kind != io::ErrorKind::Interrupted {
+                    self.error = Some(error);
+                }
+                Err(kind.into())
+            }
+        }
     }
 
     fn flush(&mut self) -> io::Result<()> {
@@ -89,7 +103,7 @@ impl Record {
     ///
     /// # Errors
     /// When writing fails.
-    pub fn write(&self, mut out: impl Write) -> io::Result<()> {
+    pub fn write(&self, out: impl Write) -> io::Result<()> {
         let written = Written {
             params: params_to_json(&self.model.params).to_string(),
             input: &self.input,
@@ -97,11 +111,11 @@ impl Record {
             timings: self.timings,
             model: &self.model,
         };
-        out.write_all(&VERSION.to_be_bytes())?;
-        let mut told = Told { out, error: None };
+        let mut told = Told { out, hash: Sha256::new(), error: None };
+        told.write_all(&VERSION.to_be_bytes())?;
         let result = rmp_serde::encode::write_named(&mut told, &written);
         match (result, told.error) {
-            (Ok(()), _) => Ok(()),
+            (Ok(()), _) => told.out.write_all(&told.hash.finalize()),
             (Err(_), Some(error)) => Err(error),
             (Err(error), None) => Err(io::Error::other(error)),
         }
@@ -112,14 +126,9 @@ impl Record {
     /// # Errors
     /// When it is damaged or of another version.
     pub fn read(mut source: impl Read) -> Result<Self, RecordError> {
-        let damaged = rmp_serde::decode::Error::InvalidDataRead;
-        let mut version = [0; 4];
-        source.read_exact(&mut version).map_err(damaged)?;
-        let found = u32::from_be_bytes(version);
-        if found != VERSION {
-            return Err(RecordError::Version { found });
-        }
-        let kept: Kept = rmp_serde::from_read(source)?;
+        let mut bytes = Vec::new();
+        source.read_to_end(&mut bytes).map_err(rmp_serde::decode::Error::InvalidDataRead)?;
+        let kept: Kept = rmp_serde::from_slice(content(&bytes)?)?;
         let params = params_json::parse(kept.params.as_bytes())?;
         Ok(Self {
             model: Model { params, ..kept.model },
@@ -127,5 +136,24 @@ impl Record {
             warnings: kept.warnings,
             timings: kept.timings,
         })
+    }
+}
+
+/// What is said of bytes that are not those that were written.
+fn damaged() -> RecordError {
+    rmp_serde::decode::Error::Uncategorized("its hash is another".to_owned()).into()
+}
+
+/// What lies between the version and the hash.
+fn content(bytes: &[u8]) -> Result<&[u8], RecordError> {
+    let (version, rest) = bytes.split_first_chunk().ok_or_else(damaged)?;
+    match u32::from_be_bytes(*version) {
+        UNHASHED => Ok(rest),
+        VERSION => {
+            let (content, hash) = rest.split_last_chunk::<HASH_BYTES>().ok_or_else(damaged)?;
+            let hashed = &bytes[..bytes.len() - HASH_BYTES];
+            if Sha256::digest(hashed)[..] == hash[..] { Ok(content) } else { Err(damaged()) }
+        }
+        found => Err(RecordError::Version { found }),
     }
 }

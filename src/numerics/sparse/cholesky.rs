@@ -9,7 +9,7 @@
 //! Parts that are not below one another are independent: they are eliminated side by side, each sum in
 //! one order, so that the factor does not depend on the threads.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, Point3};
 
 use super::dissection::{Dissection, Part};
 use super::matrix::Sparse;
@@ -56,6 +56,20 @@ pub enum FactorError {
     /// The matrix is not positive definite, as far as rounding shows.
     #[error("the matrix is not positive definite")]
     NotPositive,
+}
+
+/// The solution of equations with a positive matrix whose rows lie at `places`; a column for each of the right side.
+///
+/// # Errors
+/// Those of [`Cholesky::of`].
+pub fn solved(
+    matrix: &Sparse,
+    places: &[Point3<f64>],
+    right: &DMatrix<f64>,
+    cancel: &dyn Cancel,
+) -> Result<DMatrix<f64>, FactorError> {
+    let order = Dissection::of(matrix, places, cancel)?;
+    Ok(Cholesky::of(matrix, 0.0, order, cancel)?.solve(right, cancel)?)
 }
 
 impl Cholesky {
@@ -279,7 +293,6 @@ fn factor_block(front: &mut DMatrix<f64>, from: usize, to: usize) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Point3;
     use rayon::ThreadPoolBuilder;
 
     use super::*;

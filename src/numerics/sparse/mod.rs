@@ -1,4 +1,4 @@
-//! Sparse symmetric matrices and their smallest eigenpairs: by shifted inverse iteration over a sparse Cholesky factor
+//! Sparse symmetric matrices, equations with them, and their smallest eigenpairs: by shifted inverse iteration over a sparse Cholesky factor
 //! in an order found by nested dissection.
 
 mod matrix;
@@ -11,6 +11,7 @@ mod cholesky;
 
 mod smallest;
 
+pub use cholesky::{FactorError, solved};
 pub use matrix::Sparse;
 pub use rows::{Memberships, RowSums};
 pub use smallest::{EigenError, smallest};

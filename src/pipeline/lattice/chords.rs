@@ -12,6 +12,7 @@ use super::{LEAST_SIZE, lattice};
 use crate::cancel::Cancelled;
 use crate::model::LatticeSize;
 use crate::numerics::field::floor_index;
+use crate::numerics::polyline::Polyline;
 use crate::params::LatticeKind;
 use crate::pipeline::context::Context;
 use crate::pipeline::lattice::map::SpaceFromPlane;
@@ -46,52 +47,50 @@ pub(super) fn following(
             layer.push(node.position + normal * (side * node.value));
         }
     }
-    let LatticeSize { rows, cols } = FINE;
-    let mut along: Vec<Vec<Point3<f64>>> = Vec::new();
-    let mut across: Vec<Vec<Point3<f64>>> = Vec::new();
-    for layer in &layers {
-        for i in 0..rows {
-            along.push((0..cols).map(|j| layer[i * cols + j]).collect());
-        }
-        for j in 0..cols {
-            across.push((0..rows).map(|i| layer[i * cols + j]).collect());
-        }
-    }
-    // The rim is a curve of the sheet itself: its first and last lines.
-    let rim_along = [along[0].clone(), along[rows - 1].clone()];
-    let rim_across = [across[0].clone(), across[cols - 1].clone()];
+    let (along, across) =
+        (lines(&layers, [FINE.rows, FINE.cols, 1]), lines(&layers, [FINE.cols, FINE.rows, FINE.cols]));
     Ok(LatticeSize {
-        rows: fewest(&across, &rim_across, LEAST_SIZE.rows),
-        cols: fewest(&along, &rim_along, LEAST_SIZE.cols),
+        rows: fewest(&across, FINE.cols, LEAST_SIZE.rows),
+        cols: fewest(&along, FINE.rows, LEAST_SIZE.cols),
     })
 }
 
-/// The fewest nodes, from `least` on, whose chords follow all lines; no more than the points carry.
-fn fewest(lines: &[Vec<Point3<f64>>], rim: &[Vec<Point3<f64>>], least: usize) -> usize {
+/// The lines of all layers, the sheet's first: `count` of them, each of `length` nodes that lie `step` apart in their order.
+fn lines(layers: &[Vec<Point3<f64>>; 3], [count, length, step]: [usize; 3]) -> Vec<Polyline<3>> {
+    let mut lines = Vec::new();
+    for layer in layers {
+        for line in 0..count {
+            let first = if step == 1 { line * length } else { line };
+            lines.push(Polyline::open((0..length).map(|n| layer[first + n * step].coords).collect()));
+        }
+    }
+    lines
+}
+
+/// The fewest nodes, from `least` on, whose chords follow all lines, and the sheet's rim: the first and the last of its
+/// `count` lines. No more than the points carry.
+fn fewest(lines: &[Polyline<3>], count: usize, least: usize) -> usize {
     let mut longest = 0.0f64;
     for line in lines {
-        longest = longest.max(length(line));
+        longest = longest.max(line.length());
     }
+    let rim = [&lines[0], &lines[count - 1]];
     let most = floor_index(longest / LEAST_SPACING) + 1;
-    let mut count = least;
-    while count < most && (share_within(lines, count) < WITHIN || share_within(rim, count) < WITHIN) {
-        count += 1;
+    let mut nodes = least;
+    while nodes < most && (share_within(lines, nodes) < WITHIN || share_within(rim, nodes) < WITHIN) {
+        nodes += 1;
     }
-    count
+    nodes
 }
 
-fn length(line: &[Point3<f64>]) -> f64 {
-    line.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum()
-}
-
-/// Share of the places on the lines that lie near the chords between so many nodes.
-fn share_within(lines: &[Vec<Point3<f64>>], count: usize) -> f64 {
+/// Share of the places on the lines that lie near the chords between so many nodes, equally far apart.
+fn share_within<'a>(lines: impl IntoIterator<Item = &'a Polyline<3>>, nodes: usize) -> f64 {
     let (mut near, mut all) = (0usize, 0usize);
     for line in lines {
-        let last = (line.len() - 1) as f64;
-        let knots: Vec<Point3<f64>> = (0..count).map(|k| at(line, last * k as f64 / (count - 1) as f64)).collect();
-        for (n, p) in line.iter().enumerate() {
-            let chord = floor_index(n as f64 / last * (count - 1) as f64).min(count - 2);
+        let knots = line.evenly(nodes, nodes - 1);
+        for (n, p) in line.points().iter().enumerate() {
+            let share = line.reached(n) / line.length().max(f64::MIN_POSITIVE);
+            let chord = floor_index(share * (nodes - 1) as f64).min(nodes - 2);
             all += 1;
             near += usize::from(distance(*p, knots[chord], knots[chord + 1]) <= TOLERANCE);
         }
@@ -99,15 +98,8 @@ fn share_within(lines: &[Vec<Point3<f64>>], count: usize) -> f64 {
     near as f64 / all.max(1) as f64
 }
 
-/// The place on a line of equally spaced points.
-fn at(line: &[Point3<f64>], place: f64) -> Point3<f64> {
-    let n = floor_index(place).min(line.len() - 2);
-    line[n] + (line[n + 1] - line[n]) * (place - n as f64)
-}
-
 /// Distance of a point from the line through two others, from the first where they are one.
-fn distance(p: Point3<f64>, a: Point3<f64>, b: Point3<f64>) -> f64 {
-    let along = (b - a).try_normalize(1e-12).unwrap_or_else(Vector3::zeros);
-    let v = p - a;
-    (v - along * v.dot(&along)).norm()
+fn distance(p: Vector3<f64>, a: Vector3<f64>, b: Vector3<f64>) -> f64 {
+    let along = (b - a).try_normalize(1e-12).unwrap_or_default();
+    (p - a - along * (p - a).dot(&along)).norm()
 }

@@ -36,6 +36,8 @@ const OUTLINE_SIGMA: f64 = 1.0;
 /// Share of a sheet's area from which its holes are not filled but refused: every seventh node would lie on nothing.
 /// With 0.05 two thalami are refused, which pass; with 0.5 five bones and organs more are laid out, of which four fail.
 pub(crate) const HOLES_REFUSED: f64 = 0.15;
+/// Level of pixels that are cut off, at the most: well outside, whatever the level's unit.
+const CUT_OFF: f32 = 0.25;
 /// Free pixels around the points.
 const PADDING: usize = 12;
 
@@ -91,26 +93,21 @@ impl Region {
         let inside = self.level.0.try_map(|level| *level > 0.0, cancel)?;
         let radius = width / 2.0 / PITCH;
         let wide = eroded(&inside, radius, cancel)?;
-        let mut cut = wide.clone();
-        dilate(&mut cut, &inside, radius, cancel)?;
-        let opened = cut.clone();
-        for (cut, inside) in cut.as_mut_slice().iter_mut().zip(inside.as_slice()) {
-            *cut = *inside && !*cut;
+        let gap = nearest_seed(inside.dims(), [1.0; 3], &places_of(&wide, true), cancel)?.squared;
+        let mut tails = inside;
+        for (is_tail, gap) in tails.as_mut_slice().iter_mut().zip(gap.as_slice()) {
+            *is_tail &= f64::from(*gap) > radius * radius;
         }
-        let pieces = components(&cut, true, Connectivity::Corners26, cancel)?;
+        let pieces = components(&tails, true, Connectivity::Corners26, cancel)?;
         let least = (width / PITCH).powi(2);
         if pieces.sizes.iter().all(|size| (*size as f64) < least) {
             return Ok(None);
         }
-        let mut level = self.level.clone();
-        for (level, (inside, kept)) in
-            level.0.as_mut_slice().iter_mut().zip(inside.as_slice().iter().zip(opened.as_slice()))
-        {
-            if *inside && !*kept {
-                *level = -level.abs().max(0.25);
-            }
+        let mut region = self.clone();
+        for (level, is_tail) in region.level.0.as_mut_slice().iter_mut().zip(tails.as_slice()) {
+            *level = if *is_tail { -level.abs().max(CUT_OFF) } else { *level };
         }
-        Ok(Some(Self { level, ..self.clone() }))
+        Ok(Some(region))
     }
 
     /// Whether a point lies on the sheet: inside the outline, or as near to a point of the sheet as
@@ -180,45 +177,28 @@ impl Region {
     }
 }
 
-/// Pixels further than a radius, pixels, from all that are not set.
-fn eroded(pixels: &Grid<bool>, radius: f64, cancel: &dyn Cancel) -> Result<Grid<bool>, Cancelled> {
-    let mut free = Vec::new();
+/// Offsets of the pixels that are `value`.
+fn places_of(pixels: &Grid<bool>, value: bool) -> Vec<usize> {
+    let mut places = Vec::new();
     for (o, is_set) in pixels.as_slice().iter().enumerate() {
-        if !is_set {
-            free.push(o);
+        if *is_set == value {
+            places.push(o);
         }
     }
-    let gap = nearest_seed(pixels.dims(), [1.0; 3], &free, cancel)?.squared;
-    gap.try_map(|squared| f64::from(*squared) > radius * radius, cancel)
+    places
 }
 
-/// Sets the pixels of a set that are within a radius, pixels, of those that are.
-fn dilate(pixels: &mut Grid<bool>, within: &Grid<bool>, radius: f64, cancel: &dyn Cancel) -> Result<(), Cancelled> {
-    let mut seeds = Vec::new();
-    for (o, is_set) in pixels.as_slice().iter().enumerate() {
-        if *is_set {
-            seeds.push(o);
-        }
-    }
-    let gap = nearest_seed(pixels.dims(), [1.0; 3], &seeds, cancel)?.squared;
-    for (o, is_set) in pixels.as_mut_slice().iter_mut().enumerate() {
-        *is_set = within.as_slice()[o] && f64::from(gap.as_slice()[o]) <= radius * radius;
-    }
-    Ok(())
+/// Pixels further than a radius, pixels, from all that are not set.
+fn eroded(pixels: &Grid<bool>, radius: f64, cancel: &dyn Cancel) -> Result<Grid<bool>, Cancelled> {
+    let gap = nearest_seed(pixels.dims(), [1.0; 3], &places_of(pixels, false), cancel)?.squared;
+    gap.try_map(|squared| f64::from(*squared) > radius * radius, cancel)
 }
 
 /// The pixels near a point, less those near to the pixels that are not: all of `CLOSING` but the overhang.
 fn closed(gap_squared: &Grid<f32>, cancel: &dyn Cancel) -> Result<Grid<bool>, Cancelled> {
     let reach = CLOSING / PITCH;
-    let mut far = Vec::new();
-    for (o, squared) in gap_squared.as_slice().iter().enumerate() {
-        if f64::from(*squared) > reach * reach {
-            far.push(o);
-        }
-    }
-    let rim = nearest_seed(gap_squared.dims(), [1.0; 3], &far, cancel)?.squared;
-    let shrink = reach - OVERHANG / PITCH;
-    rim.try_map(|squared| f64::from(*squared) > shrink * shrink, cancel)
+    let near = gap_squared.try_map(|squared| f64::from(*squared) <= reach * reach, cancel)?;
+    eroded(&near, reach - OVERHANG / PITCH, cancel)
 }
 
 /// ½ well inside, −½ well outside, 0 on the smoothed outline.

@@ -17,6 +17,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::NativeMask;
 use crate::cancel::{Cancel, Cancelled};
+use crate::numerics::field::floor_index;
 use crate::space::{Grid, VoxelIndex, WorldFromVoxel};
 
 /// Share of the faces that must lie on the planes of the grain. A mask that was edited after it was brought to its grid
@@ -202,7 +203,7 @@ impl Steps {
     fn may_capture(&self, factor: f64) -> bool {
         // A place to a plane.
         let planes = (self.length() / factor).ceil() + 1.0;
-        let places = crate::numerics::field::floor_index(planes).min(self.largest.len());
+        let places = floor_index(planes).min(self.largest.len());
         self.largest[places - 1] >= CAPTURED
     }
 
@@ -347,7 +348,7 @@ fn faces_by_slope(
     cancel: &dyn Cancel,
 ) -> Result<Vec<Vec<u64>>, Cancelled> {
     let dims = mask.dims();
-    let reach = crate::numerics::field::floor_index(factor.ceil()) + 1;
+    let reach = floor_index(factor.ceil()) + 1;
     let mut counts = vec![vec![0; dims[axis]]; 8];
     for offset in 0..mask.as_slice().len() {
         let at = mask.index(offset);
@@ -428,7 +429,7 @@ impl Blocks {
             // Of two voxels beside the middle the one before it.
             let voxel = (middle + 0.5 - 1e-6).floor();
             let is_on_grid = voxel >= 0.0 && voxel < length as f64;
-            samples.push(is_on_grid.then(|| crate::numerics::field::floor_index(voxel)));
+            samples.push(is_on_grid.then(|| floor_index(voxel)));
             middle = first + factor * samples.len() as f64;
         }
         Self { first, samples }

@@ -10,23 +10,22 @@
 //!    of the nodes (a smoothing spline; Reinsch, *Smoothing by spline functions*, 1967): where nodes are far apart nothing
 //!    changes.
 
-use nalgebra::{Point3, SVector, Vector3};
+use std::collections::BTreeMap;
+
+use nalgebra::{DMatrix, Point3, Vector3};
 
 use super::spoked_lattice::SpokedLattice;
 use crate::cancel::Cancelled;
+use crate::numerics::field::id;
+use crate::numerics::sparse::{FactorError, Sparse, solved};
 
 /// Length below which changes are those of the voxels, voxels. With less, tips of tails stay folded; with more, bends of
 /// thin sheets are flattened.
 const SCALE: f64 = 1.5;
 /// Distance of nodes, in that length, below which the weight grows no more: weights of 10⁸ would leave no digits.
 const NEAREST: f64 = 0.1;
-/// Steps of the solver at most, and the residual, as a share of the first, at which it ends.
-const MAX_STEPS: usize = 2000;
-/// See [`MAX_STEPS`].
-const SETTLED: f64 = 1e-8;
-
-/// A node's place, radius and the directions of its two spokes.
-type Fields = SVector<f64, 10>;
+/// Numbers of a node: its place, its radius and the directions of its two spokes.
+const FIELDS: usize = 10;
 
 /// Three nodes on a line, and the weight of their second difference.
 struct Triple {
@@ -40,13 +39,18 @@ impl SpokedLattice<'_> {
     /// # Errors
     /// When it is cancelled.
     pub(super) fn make_fair(&mut self) -> Result<(), Cancelled> {
-        let triples = self.triples();
-        let fits: Vec<Fields> = (0..self.medial.len()).map(|n| self.fields(n)).collect();
-        let fair = least(&triples, &fits, &mut || self.cancel.check())?;
-        for (n, fields) in fair.into_iter().enumerate() {
-            let vector = |first: usize| Vector3::new(fields[first], fields[first + 1], fields[first + 2]);
+        let matrix = matrix(&self.triples(), self.medial.len());
+        let places: Vec<Point3<f64>> = self.lattice.nodes.iter().map(|p| Point3::new(p.x, p.y, 0.0)).collect();
+        let fair = match solved(&matrix, &places, &self.fits(), self.cancel) {
+            Ok(fair) => fair,
+            Err(FactorError::Cancelled(stop)) => return Err(stop),
+            // One more than squares is positive: some fit is no number, and nothing can be made of it.
+            Err(FactorError::NotPositive) => return Ok(()),
+        };
+        for n in 0..self.medial.len() {
+            let vector = |first: usize| Vector3::from_fn(|k, _| fair[(n, first + k)]);
             self.medial[n].position = Point3::from(vector(0));
-            self.medial[n].value = fields[3];
+            self.medial[n].value = fair[(n, 3)];
             for (side, first) in [(0, 4), (1, 7)] {
                 self.directions[side][n] = vector(first).try_normalize(1e-9).unwrap_or(self.directions[side][n]);
             }
@@ -54,10 +58,15 @@ impl SpokedLattice<'_> {
         Ok(())
     }
 
-    fn fields(&self, n: usize) -> Fields {
-        let (node, up, down) = (&self.medial[n], self.directions[0][n], self.directions[1][n]);
-        let p = node.position;
-        Fields::from([p.x, p.y, p.z, node.value, up.x, up.y, up.z, down.x, down.y, down.z])
+    /// A row of [`FIELDS`] for each node.
+    fn fits(&self) -> DMatrix<f64> {
+        let mut fits = DMatrix::zeros(self.medial.len(), FIELDS);
+        for (n, node) in self.medial.iter().enumerate() {
+            let (p, up, down) = (node.position, self.directions[0][n], self.directions[1][n]);
+            let fields = [p.x, p.y, p.z, node.value, up.x, up.y, up.z, down.x, down.y, down.z];
+            fits.row_mut(n).copy_from_slice(&fields);
+        }
+        fits
     }
 
     /// All triples along rows and columns whose nodes are near to each other in the plane.
@@ -83,79 +92,16 @@ impl SpokedLattice<'_> {
     }
 }
 
-/// The fields with the least sum, by conjugate gradients from the fits on.
-fn least(
-    triples: &[Triple],
-    fits: &[Fields],
-    check: &mut dyn FnMut() -> Result<(), Cancelled>,
-) -> Result<Vec<Fields>, Cancelled> {
-    let diagonal = diagonal(triples, fits.len());
-    let mut fair = fits.to_vec();
-    let mut residual: Vec<Fields> = applied(triples, &fair).iter().zip(fits).map(|(a, f)| f - a).collect();
-    let mut scaled = preconditioned(&residual, &diagonal);
-    let mut direction = scaled.clone();
-    let mut energy = dot(&residual, &scaled);
-    let first = energy;
-    for _ in 0..MAX_STEPS {
-        check()?;
-        let pushed = applied(triples, &direction);
-        let curvature = dot(&direction, &pushed);
-        let step = ratio(&energy, &curvature);
-        for n in 0..fair.len() {
-            fair[n] += direction[n].component_mul(&step);
-            residual[n] -= pushed[n].component_mul(&step);
-        }
-        scaled = preconditioned(&residual, &diagonal);
-        let next = dot(&residual, &scaled);
-        if next.iter().zip(first.iter()).all(|(left, first)| *left <= SETTLED * SETTLED * first) {
-            break;
-        }
-        let carry = ratio(&next, &energy);
-        for n in 0..direction.len() {
-            direction[n] = scaled[n] + direction[n].component_mul(&carry);
-        }
-        energy = next;
-    }
-    Ok(fair)
-}
-
-/// What the sum's matrix makes of some fields.
-fn applied(triples: &[Triple], fields: &[Fields]) -> Vec<Fields> {
-    let mut out = fields.to_vec();
-    for Triple { nodes: [a, b, c], weight } in triples {
-        let bend = (fields[*a] - fields[*b] * 2.0 + fields[*c]) * *weight;
-        out[*a] += bend;
-        out[*b] -= bend * 2.0;
-        out[*c] += bend;
-    }
-    out
-}
-
-/// The matrix's diagonal.
-fn diagonal(triples: &[Triple], count: usize) -> Vec<f64> {
-    let mut diagonal = vec![1.0; count];
+/// The matrix of the sum: that of the fits is one, that of a second difference the product of (1, −2, 1) with itself.
+fn matrix(triples: &[Triple], count: usize) -> Sparse {
+    const DIFFERENCE: [f64; 3] = [1.0, -2.0, 1.0];
+    let mut rows: Vec<BTreeMap<u32, f64>> = (0..count).map(|n| BTreeMap::from([(id(n), 1.0)])).collect();
     for Triple { nodes, weight } in triples {
-        for (n, share) in nodes.iter().zip([1.0, 4.0, 1.0]) {
-            diagonal[*n] += share * weight;
+        for (a, x) in nodes.iter().zip(DIFFERENCE) {
+            for (b, y) in nodes.iter().zip(DIFFERENCE) {
+                *rows[*a].entry(id(*b)).or_default() += weight * x * y;
+            }
         }
     }
-    diagonal
-}
-
-fn preconditioned(residual: &[Fields], diagonal: &[f64]) -> Vec<Fields> {
-    residual.iter().zip(diagonal).map(|(r, d)| r / *d).collect()
-}
-
-/// The products of two, field by field.
-fn dot(a: &[Fields], b: &[Fields]) -> Fields {
-    let mut sum = Fields::zeros();
-    for (a, b) in a.iter().zip(b) {
-        sum += a.component_mul(b);
-    }
-    sum
-}
-
-/// A share of each, none of none.
-fn ratio(a: &Fields, b: &Fields) -> Fields {
-    a.zip_map(b, |a, b| if b > 0.0 { a / b } else { 0.0 })
+    Sparse::from_rows(rows.into_iter().map(|row| row.into_iter().collect()).collect())
 }

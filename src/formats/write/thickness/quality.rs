@@ -7,7 +7,7 @@ use super::super::rounded::{Rounded, triple};
 use super::surfaces::Surfaces;
 use crate::model::{
     Coverage, DistanceSummary, Distortion, EmbeddingQuality, FigureQuality, Kept, LatticePlace, MeanAndP95, Reason,
-    StructureQuality, Threshold, WorldPlace,
+    Repair, StructureQuality, Threshold, WorldPlace,
 };
 
 /// `quality` of a figure.
@@ -18,15 +18,8 @@ pub struct FigureQualityDoc {
     #[serde(default)]
     pub embedding: Surfaces<Option<EmbeddingDoc>>,
     pub folds: usize,
-    pub folds_before_repair: usize,
-    pub repaired_nodes: usize,
-    pub shortened_nodes: usize,
-    #[serde(default)]
-    pub past_foot_nodes: usize,
-    #[serde(default)]
-    pub off_sheet_nodes: usize,
-    #[serde(default)]
-    pub merged_nodes: usize,
+    #[serde(flatten)]
+    pub repair: RepairDoc,
     pub corners: usize,
     pub folded_cells: Vec<PlaceDoc>,
     pub folded_centres: usize,
@@ -40,6 +33,34 @@ pub struct FigureQualityDoc {
     pub valid_share: Rounded,
     #[serde(default)]
     pub outside_share: Rounded,
+}
+
+/// What was repaired.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs, reason = "fields are those of Repair")]
+pub struct RepairDoc {
+    pub folds_before_repair: usize,
+    pub repaired_nodes: usize,
+    pub shortened_nodes: usize,
+    #[serde(default)]
+    pub past_foot_nodes: usize,
+    #[serde(default)]
+    pub off_sheet_nodes: usize,
+    #[serde(default)]
+    pub merged_nodes: usize,
+}
+
+impl From<&Repair> for RepairDoc {
+    fn from(repair: &Repair) -> Self {
+        Self {
+            folds_before_repair: repair.folds_before,
+            repaired_nodes: repair.moved_nodes,
+            shortened_nodes: repair.shortened_nodes,
+            past_foot_nodes: repair.past_foot_nodes,
+            off_sheet_nodes: repair.off_sheet_nodes,
+            merged_nodes: repair.merged_nodes,
+        }
+    }
 }
 
 /// How truly a surface was laid flat.
@@ -68,15 +89,8 @@ pub struct QualityDoc {
     pub reasons: Vec<ReasonDoc>,
     pub thresholds: Ordered<ThresholdDoc>,
     pub folds: usize,
-    pub folds_before_repair: usize,
-    pub repaired_nodes: usize,
-    pub shortened_nodes: usize,
-    #[serde(default)]
-    pub past_foot_nodes: usize,
-    #[serde(default)]
-    pub off_sheet_nodes: usize,
-    #[serde(default)]
-    pub merged_nodes: usize,
+    #[serde(flatten)]
+    pub repair: RepairDoc,
     pub folded_centres: usize,
     pub folded_wedges: usize,
     pub self_intersections: Option<usize>,
@@ -186,12 +200,7 @@ impl From<&FigureQuality> for FigureQualityDoc {
             residual_variance: Surfaces::of(&quality.residual_variance(), |share| share.map(Rounded)),
             embedding: Surfaces::of(&quality.embedding, |plane| plane.as_ref().map(EmbeddingDoc::from)),
             folds: quality.folds,
-            folds_before_repair: quality.repair.folds_before,
-            repaired_nodes: quality.repair.moved_nodes,
-            shortened_nodes: quality.repair.shortened_nodes,
-            past_foot_nodes: quality.repair.past_foot_nodes,
-            off_sheet_nodes: quality.repair.off_sheet_nodes,
-            merged_nodes: quality.repair.merged_nodes,
+            repair: (&quality.repair).into(),
             corners: quality.corners,
             folded_cells: quality.folded_cells.iter().map(PlaceDoc::from).collect(),
             folded_centres: quality.folded_centres,
@@ -231,12 +240,7 @@ impl From<&StructureQuality> for QualityDoc {
             reasons: quality.reasons.iter().map(ReasonDoc::from).collect(),
             thresholds: Ordered(thresholds),
             folds: quality.folds,
-            folds_before_repair: quality.repair.folds_before,
-            repaired_nodes: quality.repair.moved_nodes,
-            shortened_nodes: quality.repair.shortened_nodes,
-            past_foot_nodes: quality.repair.past_foot_nodes,
-            off_sheet_nodes: quality.repair.off_sheet_nodes,
-            merged_nodes: quality.repair.merged_nodes,
+            repair: (&quality.repair).into(),
             folded_centres: quality.folded_centres,
             folded_wedges: quality.folded_wedges,
             self_intersections: quality.self_intersections,
