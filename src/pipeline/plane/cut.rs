@@ -27,7 +27,7 @@ use crate::pipeline::context::Context;
 use crate::pipeline::medial::MedialSurface;
 use crate::pipeline::plane::embedding::{EmbeddingError, Flat, MAX_TURNED_OVER, Method, flatten};
 use crate::pipeline::plane::region::{HOLES_REFUSED, Region};
-use crate::pipeline::sheets::{NO_SHEET, Sheets, in_order_of_size};
+use crate::pipeline::sheets::{NO_SHEET, Sheets, in_order};
 use crate::pipeline::sides::is_orientable;
 use crate::pipeline::solid::Solid;
 use crate::pipeline::surface::Surface;
@@ -179,7 +179,7 @@ pub fn laid_flat(
     if label == sheets.sheet_of {
         return Ok(Laid { sheets, flat: laid.into_iter().map(|part| part.flat).collect() });
     }
-    let sheets = in_order_of_size(surface, &label, sheets.pruned, context)?;
+    let sheets = in_order(surface, solid, &label, sheets.pruned, context)?;
     let flat = sheets.members.iter().map(|members| taken_plane(&mut laid, members)).collect();
     Ok(Laid { sheets, flat })
 }

@@ -33,7 +33,7 @@ mod ordering;
 
 mod junctions;
 
-pub use self::ordering::in_order_of_size;
+pub use self::ordering::in_order;
 pub use self::pruning::{loss_needed, strength};
 
 use std::collections::BTreeMap;
@@ -62,7 +62,7 @@ pub const NO_SHEET: u32 = u32::MAX;
 pub struct Sheets {
     /// Sheet of every medial point, or [`NO_SHEET`] where it was pruned.
     pub sheet_of: Vec<u32>,
-    /// Points of each sheet; sheets are in descending order of size.
+    /// Points of each sheet; sheets are in the order of their size, those of nearly one size in that of their place.
     pub members: Vec<Vec<u32>>,
     /// Which sheets meet, and at which medial points.
     pub hinges: Vec<Hinge>,
@@ -105,7 +105,7 @@ pub fn sheets(
     }
     context.advance(0.9);
     trim_edges(surface, &mut label, context)?;
-    let sheets = in_order_of_size(surface, &label, pruned, context)?;
+    let sheets = in_order(surface, solid, &label, pruned, context)?;
     check_sheet(surface, &sheets, solid, depth)?;
     Ok(sheets)
 }
@@ -139,7 +139,7 @@ fn check_sheet(surface: &MedialSurface, sheets: &Sheets, solid: &Solid, depth: &
     /// Volume, in that of a plate of the largest radius and the fewest points of a sheet, above which it is a tube,
     /// straight or closed, whose medial points see skin all around.
     const PLATES: f64 = 2.0;
-    let points = sheets.members.first().map_or(0, Vec::len);
+    let points = sheets.members.iter().map(Vec::len).max().unwrap_or(0);
     if points >= MIN_SHEET_POINTS {
         return Ok(());
     }

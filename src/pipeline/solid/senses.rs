@@ -65,6 +65,12 @@ impl Senses {
         Ok(Self { lateral: if is_midline || centroid > 0.0 { 1.0 } else { -1.0 }, is_midline })
     }
 
+    /// +1 when lateral is towards right, −1 when it is towards left.
+    #[must_use]
+    pub fn lateral(&self) -> f64 {
+        self.lateral
+    }
+
     /// Which sense of a direction is the positive one.
     #[must_use]
     pub fn of_direction(&self, direction: WorldVector) -> Sense {
