@@ -26,6 +26,8 @@ mod shell;
 
 mod closed;
 
+mod patches;
+
 mod structure;
 
 mod summary;
@@ -36,6 +38,7 @@ pub use figure::{Figure, FlatPoints, Sheet};
 pub use frame::{FrameFacts, FrameRule};
 pub use lattice::{LatticeSize, ring};
 pub use meshes::{SurfaceMesh, TriangleMesh, normals};
+pub use patches::Patches;
 pub use quality::{
     Coverage, DistanceSummary, Distortion, EmbeddingQuality, FigureQuality, Kept, LatticePlace, MeanAndP95, NodeRepair,
     Reason, Repair, StructureQuality, Threshold, Verdict, WorldPlace,

@@ -23,8 +23,11 @@ pub struct DistanceSummary {
 /// How well the solid of cells and crest wedges fits the mask.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Coverage {
-    /// Overlap of all cells, crest wedges included, with the mask.
+    /// Overlap of what the smooth surfaces through the nodes enclose with the mask.
     pub dice: f64,
+    /// That of the flat quads between the nodes: what a coarse lattice leaves out.
+    #[serde(default)]
+    pub flat_dice: f64,
     /// What fits are measured in, mm: a voxel or, of thick objects, a tenth of the median radius.
     pub grain_mm: f64,
     /// Share of the mask's surface within one grain of the model's.

@@ -8,7 +8,10 @@ use serde_json::{Map, Value, json};
 use super::colors::viridis_linear;
 use super::gltf::{Gltf, Material, Mesh, Mode};
 use super::rounded::round;
-use crate::model::{Figure, LatticeSize, Model, Sheet, Side, Structure, SurfaceMesh, TriangleMesh, closed, normals};
+use crate::cancel::Never;
+use crate::model::{
+    Figure, LatticeSize, Model, Patches, Sheet, Side, Structure, SurfaceMesh, TriangleMesh, closed, normals,
+};
 use crate::space::WorldPoint;
 
 const MEDIAL: Material = Material { name: "medial", color: [1.0, 1.0, 1.0, 1.0] };
@@ -44,6 +47,12 @@ pub fn write(model: &Model, out: impl Write) -> io::Result<()> {
     gltf.write(root, out)
 }
 
+/// The closed surface of the smooth patches through a figure's nodes.
+fn smooth_closed(sheet: &Sheet) -> Option<TriangleMesh> {
+    let (patches, _) = Patches::of(sheet.into(), &Never).ok()?;
+    closed((&patches).into())
+}
+
 fn fields(value: Value) -> Map<String, Value> {
     match value {
         Value::Object(fields) => fields,
@@ -60,7 +69,7 @@ fn add_structure(gltf: &mut Gltf, index: usize, structure: &Structure) -> usize 
     for (number, figure) in structure.figures.iter().enumerate() {
         let Figure::Sheet(sheet) = figure;
         let mut parts = add_sheet(gltf, sheet, &ranges);
-        let closed = closed(sheet.into()).and_then(|mesh| solid_mesh("closed", &mesh, CLOSED));
+        let closed = smooth_closed(sheet).and_then(|mesh| solid_mesh("closed", &mesh, CLOSED));
         let extras = json!({"structure": index, "label": structure.label, "figure": number,
             "rows": sheet.grid.rows, "cols": sheet.grid.cols,
             "has_closed_surface": closed.is_some()});

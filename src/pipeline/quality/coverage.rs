@@ -4,7 +4,7 @@ use nalgebra::Point3;
 use rayon::prelude::*;
 
 use super::Answered;
-use super::overlap::overlaps;
+use super::overlap::{Models, overlaps};
 use super::owners::Owners;
 use super::placed::{Placed, common, moved, whole_skin};
 use super::samples::surface_samples;
@@ -51,16 +51,17 @@ pub fn coverage(
     let skin = whole_skin(parts, unanswered);
     let owners = Owners::of(figures, cancel)?;
     let groups = Groups::of(parts.len(), figures);
-    let dice = overlaps(label, figures, (&groups.0, &owners, common(parts)), cancel)?;
+    let against = |models| overlaps(label, figures, models, (&groups.0, &owners, common(parts)), cancel);
+    let (dice, flat_dice) = (against(Models::Smooth)?, against(Models::Flat)?);
     let shares = owners.shares(&skin, cancel)?;
     let samples = samples(figures, cancel)?;
     let skin = SkinSearch::of(&skin, cancel)?;
     let voxel_mm = parts[0].solid.unit_mm;
     let fit = Fit { skin: &skin, grain: grain(figures), voxel_mm, cancel };
     let (mut fits, mut worst) = (Vec::new(), None);
-    for (group, dice) in groups.0.iter().zip(dice) {
+    for (number, group) in groups.0.iter().enumerate() {
         let (own, model) = (joined(&shares, group), joined(&samples, group));
-        let (coverage, furthest) = fit.coverage(dice, &own, &model)?;
+        let (coverage, furthest) = fit.coverage([dice[number], flat_dice[number]], &own, &model)?;
         fits.push(coverage);
         worst = worst.or(furthest);
     }
@@ -99,7 +100,7 @@ impl Groups {
 /// Points of the outer surface of each figure, in the common space.
 fn samples(figures: &[Placed<'_>], cancel: &dyn Cancel) -> Result<Vec<Vec<SkinPoint>>, Cancelled> {
     let of_figure = |figure: &Placed<'_>| {
-        let mut samples = surface_samples(figure.nodes.into(), cancel)?;
+        let mut samples = surface_samples((&figure.patches).into(), cancel)?;
         for sample in &mut samples {
             *sample = moved(*sample, &figure.into_common);
         }
@@ -139,7 +140,7 @@ impl Fit<'_> {
     /// How well a model, by samples of its surface, fits its own share of the skin, and where it fits least.
     fn coverage(
         &self,
-        dice: f64,
+        [dice, flat_dice]: [f64; 2],
         own: &[SkinPoint],
         samples: &[SkinPoint],
     ) -> Result<(Coverage, Option<Point3<f64>>), Cancelled> {
@@ -153,6 +154,7 @@ impl Fit<'_> {
         }
         let coverage = Coverage {
             dice,
+            flat_dice,
             grain_mm: self.grain * self.voxel_mm,
             covered_share: share_within(&to_model, self.grain),
             far_share: 1.0 - share_within(&to_model, FAR * self.grain),

@@ -38,10 +38,9 @@ pub mod verdict;
 
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::{
-    Coverage, EmbeddingQuality, FigureQuality, LatticePlace, PerSurface, Repair, Shell, StructureQuality, WorldPlace,
-    closed,
+    Coverage, EmbeddingQuality, FigureQuality, LatticePlace, Patches, PerSurface, Repair, Shell, StructureQuality,
+    WorldPlace,
 };
-use crate::numerics::triangles::self_intersections;
 use crate::pipeline::context::Context;
 use crate::pipeline::draft::Draft;
 use crate::pipeline::plane::Flat;
@@ -97,12 +96,12 @@ pub fn quality(sent: &Sent, parts: &[Answered<'_>], context: &Context<'_>) -> Re
     if context.repeat.is_some() || parts.is_empty() {
         return Ok(Measured::default());
     }
-    let (mut figures, mut places) = (Vec::new(), Places::default());
+    let (mut figures, mut patches, mut places) = (Vec::new(), Vec::new(), Places::default());
     for (number, answered) in parts.iter().enumerate() {
-        add_figures(answered, &mut figures, &mut places, context)?;
+        add_figures(answered, (&mut figures, &mut patches), &mut places, context)?;
         context.advance(0.5 * (number + 1) as f64 / parts.len() as f64);
     }
-    let placed = placed(parts, &sent.whole);
+    let placed = placed(parts, patches, &sent.whole);
     for (quality, figure) in figures.iter_mut().zip(&placed) {
         quality.outside_share = outside_share(&sent.whole.mask, figure, context)?;
     }
@@ -128,13 +127,13 @@ pub fn quality(sent: &Sent, parts: &[Answered<'_>], context: &Context<'_>) -> Re
 /// Adds what can be said of the figures of a part without the others, and where they are worst.
 fn add_figures(
     answered: &Answered<'_>,
-    figures: &mut Vec<FigureQuality>,
+    (figures, all_patches): (&mut Vec<FigureQuality>, &mut Vec<Patches>),
     places: &mut Places,
     cancel: &dyn Cancel,
 ) -> Result<(), Cancelled> {
     let skin = SkinSearch::of(&answered.depth.skin, cancel)?;
     for draft in &answered.drafts {
-        let mut quality = figure_quality(draft, cancel)?;
+        let (mut quality, patches) = figure_quality(draft, cancel)?;
         let (offset, furthest) = medial_offset(&draft.nodes, &skin, cancel)?;
         quality.medial_offset = offset;
         let place = |node: usize| WorldPlace {
@@ -147,16 +146,17 @@ fn add_figures(
         let folded = quality.folded_cells.first().or(quality.folded_wedges.first());
         places.folded = places.folded.or(folded.map(|at| place(at.i * draft.nodes.size.cols + at.j)));
         figures.push(quality);
+        all_patches.push(patches);
     }
     Ok(())
 }
 
-/// What can be said of a figure by itself: legality of its parts, evenness of its lattice. How
-/// it fits the mask is added by [`quality`].
+/// What can be said of a figure by itself: legality of its parts, evenness of its lattice, and the smooth surfaces through
+/// its nodes. How they fit the mask is added by [`quality`].
 ///
 /// # Errors
 /// When it is cancelled.
-pub fn figure_quality(draft: &Draft, cancel: &dyn Cancel) -> Result<FigureQuality, Cancelled> {
+pub fn figure_quality(draft: &Draft, cancel: &dyn Cancel) -> Result<(FigureQuality, Patches), Cancelled> {
     let Draft { nodes, flat, distortion, repair, .. } = draft;
     let (quads, repair) = (FlatQuads::from(nodes), *repair);
     let embedding = PerSurface {
@@ -166,9 +166,9 @@ pub fn figure_quality(draft: &Draft, cancel: &dyn Cancel) -> Result<FigureQualit
     };
     let shell = Shell::from(nodes);
     let legality = legality(shell);
-    cancel.check()?;
+    let (patches, self_intersections) = Patches::of(shell, cancel)?;
     let is_untouched = repair.moved_nodes + repair.marred_nodes + repair.past_foot_nodes == 0;
-    Ok(FigureQuality {
+    let quality = FigureQuality {
         embedding,
         folds: legality.folds,
         corners: legality.corners,
@@ -176,12 +176,13 @@ pub fn figure_quality(draft: &Draft, cancel: &dyn Cancel) -> Result<FigureQualit
         folded_centres: legality.folded_centres,
         folded_wedges: places(&legality.parts, Part::Wedge),
         repair: if is_untouched { Repair { folds_before: legality.folds, ..repair } } else { repair },
-        self_intersections: crossings(shell, cancel)?,
+        self_intersections,
         spacing_variation: spacing_variation(nodes.size, &nodes.medial),
         distortion: quads.distortion(),
         valid_share: nodes.valid.iter().filter(|v| **v).count() as f64 / nodes.valid.len().max(1) as f64,
         ..FigureQuality::default()
-    })
+    };
+    Ok((quality, patches))
 }
 
 /// How truly a surface was laid flat; `None` of a side that takes its coordinates from the sheet.
@@ -197,10 +198,4 @@ fn embedding_quality(flat: &Flat, distortion: Option<PlaneDistortion>) -> Option
 /// Where the parts of a kind among illegal ones are.
 fn places(parts: &[Illegal], kind: Part) -> Vec<LatticePlace> {
     parts.iter().filter(|illegal| illegal.part == kind).map(|illegal| illegal.place).collect()
-}
-
-/// Pairs of triangles of the closed surface that run through each other; `None` without a closed surface.
-fn crossings(shell: Shell<'_>, cancel: &dyn Cancel) -> Result<Option<usize>, Cancelled> {
-    let Some(mesh) = closed(shell) else { return Ok(None) };
-    self_intersections(&mesh.positions, &mesh.triangles, cancel).map(Some)
 }

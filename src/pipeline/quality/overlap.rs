@@ -7,9 +7,28 @@ use super::fill::filled;
 use super::owners::Owners;
 use super::placed::Placed;
 use crate::cancel::{Cancel, Cancelled};
+use crate::model::Shell;
 use crate::numerics::field::centre;
 use crate::pipeline::solid::NativeMask;
 use crate::space::{Grid, VoxelFromVoxel, WorldFromVoxel};
+
+/// What stands for the figures.
+#[derive(Clone, Copy, Debug)]
+pub enum Models {
+    /// The smooth surfaces through their nodes.
+    Smooth,
+    /// The flat quads between them.
+    Flat,
+}
+
+impl Models {
+    fn shell<'a>(self, figure: &'a Placed<'a>) -> Shell<'a> {
+        match self {
+            Self::Smooth => (&figure.patches).into(),
+            Self::Flat => figure.nodes.into(),
+        }
+    }
+}
 
 /// For each group of figures, Dice of what its figures fill with what of the label belongs to them.
 ///
@@ -18,12 +37,13 @@ use crate::space::{Grid, VoxelFromVoxel, WorldFromVoxel};
 pub fn overlaps(
     label: &NativeMask,
     figures: &[Placed<'_>],
+    kind: Models,
     (groups, owners, common): (&[Vec<usize>], &Owners, &WorldFromVoxel),
     cancel: &dyn Cancel,
 ) -> Result<Vec<f64>, Cancelled> {
     let mut models = Vec::with_capacity(figures.len());
     for figure in figures {
-        models.push(filled(label.mask.dims(), figure.nodes.into(), &figure.into_label, cancel)?);
+        models.push(filled(label.mask.dims(), kind.shell(figure), &figure.into_label, cancel)?);
     }
     let into_common = label.world_from_voxel.to(common);
     let counter = Counter { mask: &label.mask, into_common, models: &models, groups, owners, cancel };

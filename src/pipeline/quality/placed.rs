@@ -4,6 +4,7 @@
 use nalgebra::{Point3, Vector3};
 
 use super::Answered;
+use crate::model::Patches;
 use crate::pipeline::solid::NativeMask;
 use crate::pipeline::solid::depth::{SKIN_REACH, SkinPoint};
 use crate::pipeline::vectors::Nodes;
@@ -13,6 +14,8 @@ use crate::space::{VoxelFromVoxel, WorldFromVoxel, WorldPoint};
 pub struct Placed<'a> {
     /// Its nodes, in the work space of its part.
     pub nodes: &'a Nodes,
+    /// The smooth surfaces through them.
+    pub patches: Patches,
     /// Which of the answered parts it belongs to.
     pub part: usize,
     /// From there to the first part's work space.
@@ -21,15 +24,16 @@ pub struct Placed<'a> {
     pub into_label: VoxelFromVoxel,
 }
 
-/// The figures of all parts in their order.
+/// The figures of all parts in their order, each with its patches.
 #[must_use]
-pub fn placed<'a>(parts: &[Answered<'a>], label: &NativeMask) -> Vec<Placed<'a>> {
-    let mut all = Vec::new();
+pub fn placed<'a>(parts: &[Answered<'a>], patches: Vec<Patches>, label: &NativeMask) -> Vec<Placed<'a>> {
+    let (mut all, mut patches) = (Vec::new(), patches.into_iter());
     for (part, answered) in parts.iter().enumerate() {
         let work = &answered.solid.world_from_work;
-        for draft in &answered.drafts {
+        for (draft, patches) in answered.drafts.iter().zip(patches.by_ref()) {
             all.push(Placed {
                 nodes: &draft.nodes,
+                patches,
                 part,
                 into_common: work.to(common(parts)),
                 into_label: work.to(&label.world_from_voxel),

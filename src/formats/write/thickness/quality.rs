@@ -149,6 +149,8 @@ pub struct ReasonDoc {
 #[allow(missing_docs, reason = "fields are those of Coverage")]
 pub struct CoverageDoc {
     pub dice: Rounded,
+    #[serde(default)]
+    pub flat_dice: Rounded,
     pub grain_mm: Rounded,
     pub covered_share: Rounded,
     #[serde(default)]
@@ -305,6 +307,7 @@ impl From<Coverage> for CoverageDoc {
     fn from(coverage: Coverage) -> Self {
         Self {
             dice: Rounded(coverage.dice),
+            flat_dice: Rounded(coverage.flat_dice),
             grain_mm: Rounded(coverage.grain_mm),
             covered_share: Rounded(coverage.covered_share),
             far_share: Rounded(coverage.far_share),
