@@ -4,7 +4,7 @@
 //! 1. The label's box is cut out, its axes in the order of the world ([`cut_out`]), and taken apart ([`parts`]); what
 //!    follows is done with each part.
 //! 2. Small cavities are filled (`clean`).
-//! 3. It is brought to an isotropic grid by its signed distance (`resample`), unless it is on one.
+//! 3. It is brought to an isotropic grid by its signed distance (`grid`), unless it is on one.
 //! 4. Smoothing makes a level of it that is 0 on the sub-voxel boundary.
 //! 5. What that lost of the part, and what it gained, is counted ([`changes`]).
 //! 6. A repeat of the uncertainty moves the boundary (`perturb`).
@@ -24,15 +24,9 @@ pub mod parts;
 
 pub(crate) mod clean;
 
-mod working_grid;
-
 pub mod level;
 
-mod grain;
-
-mod bending;
-
-mod resample;
+mod grid;
 
 pub mod changes;
 
@@ -47,11 +41,12 @@ use rayon::prelude::*;
 
 use self::changes::Changes;
 use self::clean::{keep_one_piece, without_cavities};
+use self::grid::resample::resample;
+use self::grid::thinness::fitting_grid;
+use self::grid::working_grid::{WorkingGrid, embed};
 use self::level::Level;
 use self::perturb::perturbed;
-use self::resample::resample;
 use self::senses::Senses;
-use self::working_grid::{WorkingGrid, embed};
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::{Refusal, TriangleMesh};
 use crate::numerics::components::boundary_voxels;
@@ -95,6 +90,8 @@ pub struct Solid {
     pub native: NativeMask,
     /// Which way is positive in the world.
     pub senses: Senses,
+    /// Whether tunnels lead through it: only then does its medial sheet have holes.
+    pub has_tunnels: bool,
 }
 
 /// Voxels of a label as they were cut out of the volume: with one free voxel all around, their axes in the order of the
@@ -122,16 +119,17 @@ pub struct Masked {
 
 /// Brings a part of a label to an isotropic grid with a sub-voxel boundary.
 ///
-/// Small cavities are filled, with a warning. The working voxel is `resolution_mm`, or the finest spacing of the mask.
+/// Small cavities are filled, with a warning. The working voxel is `resolution_mm`, or the finest spacing of the mask, or
+/// half of that where the part is thin.
 ///
 /// # Errors
 /// [`Refusal::TooLarge`] when the working grid would be, [`Refusal::Hollow`] of a part with large cavities,
 /// [`Refusal::TooThin`] when nothing is left of it on the grid; when it is cancelled.
 pub fn masked(part: &NativeMask, context: &Context<'_>) -> Result<Masked, PipelineError> {
-    let plan = WorkingGrid::plan(part, context.params.resolution_mm);
-    plan.check_size()?;
+    WorkingGrid::plan(part, context.params.resolution_mm).check_size()?;
     context.advance(0.2);
     let native = NativeMask { mask: without_cavities(&part.mask, context)?, ..*part };
+    let plan = fitting_grid(&native, context)?;
     context.advance(0.4);
     let (mask, mut level, voxels_per_grain) = if plan.is_native {
         let (mask, soft) = embed(&native.mask, &plan, context)?;
@@ -148,12 +146,25 @@ pub fn masked(part: &NativeMask, context: &Context<'_>) -> Result<Masked, Pipeli
     if !inside.as_slice().contains(&true) {
         return Err(too_thin(&mask, plan.voxel_mm, context)?.into());
     }
-    warn_if_tunnels_closed(&inside, &mask, context)?;
+    let euler_number = euler_number(&inside, context)?;
+    warn_if_tunnels_closed(euler_number, &mask, context)?;
     context.advance(0.8);
     let WorkingGrid { world_from_work, voxel_mm: working_voxel_mm, .. } = plan;
     let senses = Senses::of(&inside, &world_from_work, context)?;
     let unit_mm = working_voxel_mm;
-    let solid = Solid { inside, level, world_from_work, working_voxel_mm, unit_mm, voxels_per_grain, native, senses };
+    // One piece without cavities has one tunnel for each that its Euler number is below 1.
+    let has_tunnels = euler_number < 1;
+    let solid = Solid {
+        inside,
+        level,
+        world_from_work,
+        working_voxel_mm,
+        unit_mm,
+        voxels_per_grain,
+        native,
+        senses,
+        has_tunnels,
+    };
     if let Some(repeat) = context.repeat {
         let solid = perturbed(solid, repeat.number, context)?;
         return Ok(Masked { solid, object: TriangleMesh::default(), changes: Changes::default() });
@@ -175,9 +186,9 @@ fn smoothed(mut soft: Grid<f32>, cancel: &dyn Cancel) -> Result<Grid<f32>, Cance
     Ok(soft)
 }
 
-/// One piece without cavities has one tunnel for each that its Euler number is below 1.
-fn warn_if_tunnels_closed(inside: &Grid<bool>, mask: &Grid<bool>, context: &Context<'_>) -> Result<(), Cancelled> {
-    let closed = euler_number(inside, context)? - euler_number(mask, context)?;
+/// Each tunnel that is closed adds one to the Euler number, here that of the solid.
+fn warn_if_tunnels_closed(of_solid: i64, mask: &Grid<bool>, context: &Context<'_>) -> Result<(), Cancelled> {
+    let closed = of_solid - euler_number(mask, context)?;
     if closed > 0 {
         context.warn(
             "tunnels_closed",

@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 
 use super::NativeMask;
 use super::cut_out::{Label, cut_out, warn_if_cut};
-use super::grain::{grain, grain_mm, on_grain};
+use super::grid::grain::{grain, grain_mm, on_grain};
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::components::{Components, Connectivity, boundary_voxels, components};
 use crate::numerics::field::{centre, id};

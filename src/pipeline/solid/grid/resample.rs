@@ -2,11 +2,11 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::NativeMask;
 use super::bending::{ROOM, least_bending};
 use super::working_grid::{WorkingGrid, at_origin};
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::field::{centre, floor_index};
+use crate::pipeline::solid::NativeMask;
 use crate::space::{Grid, WorldFromVoxel};
 
 /// Distance from the boundary beyond which the level stays the same, in working voxels and in the mask's, whichever are
@@ -17,7 +17,7 @@ const REACH: f64 = 4.0;
 const NOTHING: f32 = 1e-6;
 
 /// The mask and its level on the working grid, in working voxels, by the shape of its boundary.
-pub(super) fn resample(
+pub(in crate::pipeline::solid) fn resample(
     native: &NativeMask,
     plan: &WorkingGrid,
     cancel: &dyn Cancel,

@@ -2,10 +2,10 @@
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
-use super::NativeMask;
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::Refusal;
 use crate::numerics::field::floor_index;
+use crate::pipeline::solid::NativeMask;
 use crate::space::{Grid, WorldFromVoxel, rounded_up};
 
 /// Free voxels around the solid in the working grid: room for smoothing, which reaches 3 voxels, and for steps
@@ -21,7 +21,7 @@ const ISOTROPY_TOLERANCE: f64 = 5e-3;
 const MAX_WORKING_VOXELS: u64 = 150_000_000;
 
 /// Where the working grid lies.
-pub(super) struct WorkingGrid {
+pub(in crate::pipeline::solid) struct WorkingGrid {
     pub dims: [usize; 3],
     pub voxel_mm: f64,
     pub world_from_work: WorldFromVoxel,
@@ -85,7 +85,7 @@ impl WorkingGrid {
     }
 
     /// Voxels of a grid of the same box with voxels larger by a factor. The room around does not shrink with them.
-    fn voxels(&self, factor: f64) -> f64 {
+    pub fn voxels(&self, factor: f64) -> f64 {
         let room = (2 * PADDING) as f64;
         self.dims.iter().map(|n| ((*n as f64 - room) / factor).ceil() + room).product()
     }
@@ -136,13 +136,13 @@ fn whole_voxels(extent: f64) -> usize {
 }
 
 /// The same voxels with the first one at the world's origin, and the way back.
-pub(super) fn at_origin(world_from_voxel: &WorldFromVoxel) -> (WorldFromVoxel, Vector3<f64>) {
+pub(in crate::pipeline::solid) fn at_origin(world_from_voxel: &WorldFromVoxel) -> (WorldFromVoxel, Vector3<f64>) {
     let origin = world_from_voxel.point(Point3::origin()).coords;
     (world_from_voxel.translated(-origin), origin)
 }
 
 /// The mask with more room around it, and the same as numbers.
-pub(super) fn embed(
+pub(in crate::pipeline::solid) fn embed(
     native: &Grid<bool>,
     plan: &WorkingGrid,
     cancel: &dyn Cancel,

@@ -11,11 +11,11 @@
 
 use rayon::prelude::*;
 
-use super::SLICE;
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::components::boundary_voxels;
 use crate::numerics::distance::nearest_seed;
 use crate::numerics::smooth::gaussian;
+use crate::pipeline::solid::SLICE;
 use crate::space::{Grid, VoxelIndex};
 
 /// Half the width of the band, in the longest edge of a voxel. At 1 terraces stay; at 2.5 thin parts are drawn together.

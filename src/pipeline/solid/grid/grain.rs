@@ -15,9 +15,9 @@ use rayon::prelude::*;
 
 use nalgebra::{Point3, Vector3};
 
-use super::NativeMask;
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::field::floor_index;
+use crate::pipeline::solid::NativeMask;
 use crate::space::{Grid, VoxelIndex, WorldFromVoxel};
 
 /// Share of the faces that must lie on the planes of the grain. A mask that was edited after it was brought to its grid
@@ -55,7 +55,7 @@ const ROWS_PER_TASK: usize = 64;
 
 /// The grain along one axis, in stored voxels.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct AxisGrain {
+pub(in crate::pipeline::solid) struct AxisGrain {
     /// Voxels to a grain, 1 or more.
     pub factor: f64,
     /// Where a plane between two grains lies, in voxel coordinates.
@@ -71,7 +71,7 @@ impl AxisGrain {
 }
 
 /// The grain of a mask along each of its axes.
-pub(super) fn grain(mask: &Grid<bool>, cancel: &dyn Cancel) -> Result<[AxisGrain; 3], Cancelled> {
+pub(in crate::pipeline::solid) fn grain(mask: &Grid<bool>, cancel: &dyn Cancel) -> Result<[AxisGrain; 3], Cancelled> {
     let counts = faces(mask, cancel)?;
     let mut grain = [AxisGrain::STORED; 3];
     for axis in 0..3 {
@@ -383,7 +383,7 @@ fn rise(mask: &Grid<bool>, at: VoxelIndex, axis: usize, reach: usize) -> isize {
 }
 
 /// The mask on its own grain: one voxel in the middle of each block, with free ones around.
-pub(super) fn on_grain(
+pub(in crate::pipeline::solid) fn on_grain(
     native: NativeMask,
     grain: &[AxisGrain; 3],
     cancel: &dyn Cancel,
@@ -448,7 +448,7 @@ fn scaled(world_from_voxel: &WorldFromVoxel, grain: &[AxisGrain; 3], first: Poin
 }
 
 /// The grain along the axes of the file, mm.
-pub(super) fn grain_mm(stored: &NativeMask, grain: &[AxisGrain; 3]) -> [f64; 3] {
+pub(in crate::pipeline::solid) fn grain_mm(stored: &NativeMask, grain: &[AxisGrain; 3]) -> [f64; 3] {
     let spacing = stored.world_from_voxel.spacing_mm();
     let mut grain_mm = spacing;
     for axis in 0..3 {
