@@ -33,7 +33,7 @@ use super::solid::cut_out::{Label, refuse_background};
 use super::solid::depth::{Depth, depth};
 use super::solid::parts::{Sent, SentPart};
 use super::solid::{Masked, Solid, masked};
-use super::vectors::shares::{Share, Shares};
+use super::vectors::rim::shares::{Share, Shares};
 use super::vectors::vectors;
 use super::{PipelineError, plane::Flat};
 use crate::model::{LabelPart, Refusal, Stage, Structure};

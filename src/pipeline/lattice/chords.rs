@@ -1,6 +1,6 @@
 //! The size of a lattice that follows its surfaces: as few nodes as leave chords between them near enough.
 //!
-//! 1. A fine lattice is laid over the region and brought to space, the sheet and, by its radius along the normal, both
+//! 1. The fine lattice of the region's lines is brought to space, the sheet and, by its radius along the normal, both
 //!    sides;
 //! 2. along its rows, and along its columns, as few nodes are taken as keep the chords between them within a tolerance of
 //!    all three surfaces;
@@ -8,36 +8,32 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::{LEAST_SIZE, lattice};
+use super::LEAST_SIZE;
+use super::chart::Chart;
 use crate::cancel::Cancelled;
 use crate::model::LatticeSize;
 use crate::numerics::field::floor_index;
 use crate::numerics::polyline::Polyline;
-use crate::params::LatticeKind;
 use crate::pipeline::context::Context;
 use crate::pipeline::lattice::map::SpaceFromPlane;
-use crate::pipeline::plane::region::Region;
 use crate::pipeline::plane::strip::SheetPoints;
 
-/// The lattice that stands for the smooth surfaces. Coarser ones cut off the bends that are looked for.
-const FINE: LatticeSize = LatticeSize { rows: 25, cols: 49 };
 /// How far a chord may lie from the surface, voxels: half of one is what the mask says of its boundary.
 const TOLERANCE: f64 = 0.25;
 /// Share of the places that must be within it: at corners the fits that the fine lattice is made of are rough.
 const WITHIN: f64 = 0.95;
 /// Distance between nodes at the least, voxels. A fit takes points within five: nearer nodes tell the same twice.
 const LEAST_SPACING: f64 = 2.0;
+/// Nodes along a side at the most. Smooth organs ask for 35; one that asks for more is rough all over, and its lines are no
+/// longer those of a surface: a plate of one voxel across its stairs asks for 626.
+const MOST_NODES: usize = 64;
 
-/// The size of the lattice for a region.
+/// The size of the lattice for a chart.
 ///
 /// # Errors
 /// When it is cancelled.
-pub(super) fn following(
-    region: &Region,
-    points: &SheetPoints,
-    context: &Context<'_>,
-) -> Result<LatticeSize, Cancelled> {
-    let Some(fine) = lattice(region, LatticeKind::Fitted, FINE, 0.0, 0.0, context)? else { return Ok(LEAST_SIZE) };
+pub(super) fn following(chart: &Chart, points: &SheetPoints, context: &Context<'_>) -> Result<LatticeSize, Cancelled> {
+    let fine = chart.fine(context)?;
     let map = SpaceFromPlane::new(&points.flat, &points.positions, &points.radii).over_holes();
     let nodes = map.rough_nodes(&fine.nodes, context)?;
     let mut layers = [Vec::new(), Vec::new(), Vec::new()];
@@ -47,12 +43,9 @@ pub(super) fn following(
             layer.push(node.position + normal * (side * node.value));
         }
     }
-    let (along, across) =
-        (lines(&layers, [FINE.rows, FINE.cols, 1]), lines(&layers, [FINE.cols, FINE.rows, FINE.cols]));
-    Ok(LatticeSize {
-        rows: fewest(&across, FINE.cols, LEAST_SIZE.rows),
-        cols: fewest(&along, FINE.rows, LEAST_SIZE.cols),
-    })
+    let LatticeSize { rows, cols } = fine.size;
+    let (along, across) = (lines(&layers, [rows, cols, 1]), lines(&layers, [cols, rows, cols]));
+    Ok(LatticeSize { rows: fewest(&across, cols, LEAST_SIZE.rows), cols: fewest(&along, rows, LEAST_SIZE.cols) })
 }
 
 /// The lines of all layers, the sheet's first: `count` of them, each of `length` nodes that lie `step` apart in their order.
@@ -75,7 +68,7 @@ fn fewest(lines: &[Polyline<3>], count: usize, least: usize) -> usize {
         longest = longest.max(line.length());
     }
     let rim = [&lines[0], &lines[count - 1]];
-    let most = floor_index(longest / LEAST_SPACING) + 1;
+    let most = (floor_index(longest / LEAST_SPACING) + 1).min(MOST_NODES);
     let mut nodes = least;
     while nodes < most && (share_within(lines, nodes) < WITHIN || share_within(rim, nodes) < WITHIN) {
         nodes += 1;

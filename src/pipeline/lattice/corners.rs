@@ -12,6 +12,7 @@
 use nalgebra::{Matrix3, Point2, Vector2, Vector3};
 
 use super::arc::Arc;
+use crate::numerics::field::floor_index;
 use crate::numerics::polyline::Polyline;
 use crate::pipeline::plane::region::{PITCH, Region};
 
@@ -123,19 +124,35 @@ impl Axis {
     /// Draws the two corners of an end along the outline towards it, as long as the outline is straight or hollow there: a
     /// side of a tail that bends away from the axis is no end.
     fn draw_to_end(&self, outline: &Polyline<2>, at: &mut [f64; 4], from: usize, to: usize) {
-        /// Length on both sides of a corner over which the outline must turn, in mean widths, and by how much, radians.
-        /// With less, sides of tails are taken for ends; with more, corners of long ellipses move to their tips. With half
-        /// of both, noise turns the outline as much: nodes of an ellipsoid move by 0.69 voxel under a turned grid, not 0.5.
+        let room = ((length_between(outline, at[from], at[to]) - LEAST_END * self.width) / 2.0).max(0.0);
+        let drawn = [(from, PITCH), (to, -PITCH)].map(|(corner, step)| self.straight(outline, at[corner], step, room));
+        at[from] = (at[from] + drawn[0]).rem_euclid(outline.length());
+        at[to] = (at[to] - drawn[1]).rem_euclid(outline.length());
+    }
+
+    /// How far the outline goes on straight or hollow from a place, up to `room`. A line is the less straight the more it
+    /// turns: the mean over how much it may, so that a side that turns by just so much has no cliff.
+    fn straight(&self, outline: &Polyline<2>, start: f64, step: f64, room: f64) -> f64 {
+        /// Length on both sides of a place over which the outline may turn, in mean widths. With half of it noise turns the
+        /// outline as much: nodes of an ellipsoid move by 0.69 voxel under a turned grid, not 0.5.
         const SPAN: f64 = 0.25;
-        const LEAST_TURN: f64 = 0.12;
-        let (span, least) = (SPAN * self.width, LEAST_END * self.width);
-        for (corner, step) in [(from, PITCH), (to, -PITCH)] {
-            while length_between(outline, at[from], at[to]) > least
-                && turning(outline, at[corner], at[corner], span) < LEAST_TURN
-            {
-                at[corner] = (at[corner] + step).rem_euclid(outline.length());
+        /// By how much it may turn, radians. With less, sides of tails are taken for ends; with more, corners of long
+        /// ellipses move to their tips.
+        const TURNS: [f64; 7] = [0.06, 0.08, 0.1, 0.12, 0.14, 0.16, 0.18];
+        let span = SPAN * self.width;
+        let mut lengths = [room; TURNS.len()];
+        let mut most = f64::NEG_INFINITY;
+        for n in 0..floor_index(room / PITCH) {
+            let along = n as f64 * PITCH;
+            let turn = turning(outline, start + along * step.signum(), span);
+            for (length, limit) in lengths.iter_mut().zip(TURNS) {
+                if most < limit && turn >= limit {
+                    *length = along;
+                }
             }
+            most = most.max(turn);
         }
+        lengths.iter().sum::<f64>() / lengths.len() as f64
     }
 
     /// Corners in the order of [`DIAGONALS`]; a place is a piece of the outline and a share of it.
@@ -162,11 +179,11 @@ impl Axis {
     }
 }
 
-/// By how much a closed line turns, counter-clockwise, between two lengths, radians.
-fn turning(line: &Polyline<2>, from: f64, to: f64, span: f64) -> f64 {
+/// By how much a closed line turns, counter-clockwise, from `span` before a place to `span` after it, radians.
+fn turning(line: &Polyline<2>, at: f64, span: f64) -> f64 {
     let point = |length: f64| line.point(line.place(length.rem_euclid(line.length())));
-    let before = point(from) - point(from - span);
-    let after = point(to + span) - point(to);
+    let before = point(at) - point(at - span);
+    let after = point(at + span) - point(at);
     before.perp(&after).atan2(before.dot(&after))
 }
 

@@ -1,6 +1,7 @@
 //! How many rows and columns a lattice gets (section 3 of the paper), and the evidence for it and for what else was
 //! chosen.
 
+use super::chart::Chart;
 use super::chords::following;
 use crate::cancel::Cancelled;
 use crate::model::{Automatic, GridFrom, LatticeSize, PerSurface};
@@ -8,7 +9,6 @@ use crate::numerics::field::floor_index;
 use crate::params::{CheckedParams, GridChoice, LATTICE_SIDE, Neighbors};
 use crate::pipeline::context::Context;
 use crate::pipeline::lattice::Lattice;
-use crate::pipeline::plane::region::Region;
 use crate::pipeline::plane::strip::SheetPoints;
 use crate::pipeline::plane::{AUTO_RADIUS, Flat};
 
@@ -18,19 +18,19 @@ use crate::pipeline::plane::{AUTO_RADIUS, Flat};
 /// When it is cancelled.
 pub(super) fn automatic(
     flat: &PerSurface<Flat>,
-    region: &Region,
+    chart: &Chart,
     points: &SheetPoints,
     voxel_mm: f64,
     context: &Context<'_>,
 ) -> Result<(LatticeSize, Automatic), Cancelled> {
     let params: &CheckedParams = context.params;
-    let [length_mm, width_mm] = region.rectangle().map(|side| side.max(1.0) * voxel_mm);
+    let [length_mm, width_mm] = chart.region().rectangle().map(|side| side.max(1.0) * voxel_mm);
     let (size, grid_from) = match (params.grid, params.spacing_mm) {
         (GridChoice::Fixed { rows, cols }, _) => (LatticeSize { rows, cols }, GridFrom::Asked),
         (GridChoice::Auto, Some(spacing)) => {
             (spaced([length_mm, width_mm], params.margin(), spacing), GridFrom::Spacing)
         }
-        (GridChoice::Auto, None) => (following(region, points, context)?, GridFrom::Shape),
+        (GridChoice::Auto, None) => (following(chart, points, context)?, GridFrom::Shape),
     };
     let (neighborhood_mm, neighborhood) = match params.neighbors {
         Neighbors::Auto => (Some(AUTO_RADIUS * voxel_mm), format!("ball of {AUTO_RADIUS} voxels")),

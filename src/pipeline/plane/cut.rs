@@ -141,6 +141,7 @@ fn smaller_part(arm: &[usize], count: usize) -> usize {
 struct Cutter<'a> {
     surface: &'a MedialSurface,
     voxel_mm: f64,
+    has_tunnels: bool,
     fault: Fault,
     context: &'a Context<'a>,
 }
@@ -156,7 +157,8 @@ pub fn laid_flat(
     context: &Context<'_>,
 ) -> Result<Laid, Cancelled> {
     let params = context.params;
-    let cutter = Cutter { surface, voxel_mm: solid.unit_mm, fault: Fault::of(params.embedding), context };
+    let fault = Fault::of(params.embedding);
+    let cutter = Cutter { surface, voxel_mm: solid.unit_mm, has_tunnels: solid.has_tunnels, fault, context };
     let mut spare = params.max_figures.unwrap_or(usize::MAX).saturating_sub(sheets.members.len());
     let mut label = sheets.sheet_of.clone();
     let mut laid = Vec::new();
@@ -246,7 +248,8 @@ impl Cutter<'_> {
         if !part.is_curled(self.fault) {
             return Ok(false);
         }
-        if let Some(flat) = &part.flat
+        if self.has_tunnels
+            && let Some(flat) = &part.flat
             && Region::of(&flat.points, self.context)?.hole_share > HOLES_REFUSED
         {
             return Ok(true);
