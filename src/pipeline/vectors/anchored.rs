@@ -4,8 +4,8 @@
 //! 1. The nodes of the lattice are brought into space.
 //! 2. Each gets two spokes, along which its inscribed ball touches the boundary ([`spokes`](super::spokes)).
 //! 3. They are walked to the sub-voxel boundary, and turned until none cross ([`untangle`](super::untangle)).
-//! 4. The edge gets its crest ([`crest`](super::crest)), which is turned until no wedge is turned over
-//!    ([`mend_crest`](super::mend_crest)); where that fails, the spokes of the edge are drawn towards those around them, and 3 and
+//! 4. The edge gets its crest ([`crest`](super::rim::crest)), which is turned until no wedge is turned over
+//!    ([`mend_crest`](super::rim::mend_crest)); where that fails, the spokes of the edge are drawn towards those around them, and 3 and
 //!    4 begin again.
 //! 5. What was moved and what ends short of the boundary is counted.
 
@@ -13,43 +13,39 @@ use std::collections::BTreeSet;
 
 use nalgebra::Point3;
 
-use super::crest::{beyond_hinges, crest, look_ahead};
-use super::mend_crest::{Mended, mend_crest};
 use super::nodes::Nodes;
+use super::rim::crest::{beyond_hinges, crest, look_ahead};
+use super::rim::mend_crest::{Mended, mend_crest};
 use super::spoked_lattice::{SpokedLattice, Surroundings, spacing};
 use super::spokes::{Body, upper_sign};
+use super::untangle::Patience;
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::{NodeRepair, Repair};
 use crate::pipeline::lattice::Lattice;
-use crate::pipeline::lattice::map::SpaceFromPlane;
-use crate::pipeline::lattice::rim::WholeSheet;
 use crate::pipeline::sides::SheetSides;
-use crate::pipeline::solid::Solid;
-use crate::pipeline::solid::depth::Depth;
 
 /// Rounds of turning the spokes of the edge until the crest is legal too; from half of them on its nodes are moved along
 /// it, too. On the structures of [`ROUNDS`](super::untangle::ROUNDS) wedges of 13 more stay turned over without any
 /// round, of 6 more with 3 rounds or when nothing is moved, of none with 12; 24 mend nothing more.
 const CREST_ROUNDS: usize = 12;
 
+/// Rounds of mending the crest of a lattice that may be left for another: what they do not mend, more seldom do.
+const FEW_CREST_ROUNDS: usize = 1;
+
 /// Nodes of the sheet's lattice and where their spokes end.
 ///
 /// # Errors
 /// When it is cancelled.
 pub fn anchored(
-    solid: &Solid,
-    depth: &Depth,
+    body: &Body<'_>,
     sheet: &SheetSides,
-    whole: &WholeSheet,
     lattice: Lattice,
+    patience: Patience,
     cancel: &dyn Cancel,
 ) -> Result<(Nodes, Repair), Cancelled> {
-    let points = &whole.points;
-    let map = SpaceFromPlane::new(&points.flat, &points.positions, &points.radii).over_holes();
-    let body = Body { solid, depth, map };
-    let mut spoked = spoked(&body, sheet, lattice, cancel)?;
-    let folds_before = spoked.untangle()?;
-    let (mut nodes, crest) = with_crest(&mut spoked, &body, &sheet.hinge, cancel)?;
+    let mut spoked = spoked(body, sheet, lattice, cancel)?;
+    let folds_before = spoked.untangle(patience)?;
+    let (mut nodes, crest) = with_crest(&mut spoked, body, &sheet.hinge, patience, cancel)?;
     let repair = Repair { folds_before, ..noted(&mut nodes, &spoked, &crest)? };
     Ok((nodes, repair))
 }
@@ -108,6 +104,7 @@ fn spoked<'a>(
         hand: -hand,
         touched: BTreeSet::new(),
         merged: BTreeSet::new(),
+        is_given_up: false,
         spacing,
         around: body,
         cancel,
@@ -128,23 +125,25 @@ fn with_crest(
     spoked: &mut SpokedLattice<'_>,
     body: &Body<'_>,
     hinge: &[Point3<f64>],
+    patience: Patience,
     cancel: &dyn Cancel,
 ) -> Result<(Nodes, Mended), Cancelled> {
+    let rounds = if patience == Patience::Whole { CREST_ROUNDS } else { FEW_CREST_ROUNDS };
     let level = &body.solid.level;
     let mut round = 0;
     loop {
         let ahead = look_ahead(&spoked.lattice, &body.map, hinge);
         let mut nodes = spoked.nodes(crest(level, spoked.lattice.size, &spoked.medial, &ahead));
         let mended = mend_crest(&mut nodes, level, cancel)?;
-        if mended.left.is_empty() || round == CREST_ROUNDS {
+        if mended.left.is_empty() || spoked.is_given_up || round == rounds {
             return Ok((nodes, mended));
         }
         // Spokes that cross along the edge, where cells are still legal.
-        if round >= CREST_ROUNDS / 2 {
+        if round >= rounds / 2 {
             spoked.even_out(&mended.left);
         }
         spoked.calm(&mended.left);
-        spoked.untangle()?;
+        spoked.untangle(patience)?;
         round += 1;
     }
 }

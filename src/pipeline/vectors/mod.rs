@@ -19,9 +19,9 @@ mod anchored;
 
 mod spokes;
 
-mod crest;
-
 pub mod legality;
+
+pub mod rim;
 
 mod spoked_lattice;
 
@@ -29,28 +29,25 @@ mod fairing;
 
 mod untangle;
 
-mod mend_crest;
-
 mod shorten;
-
-mod arcs;
-
-pub mod shares;
 
 pub use self::nodes::Nodes;
 
 use self::anchored::anchored;
-use self::arcs::round_rim;
 use self::legality::legality;
 use self::paper::paper;
-use self::shares::Share;
+use self::rim::arcs::round_rim;
+use self::rim::shares::Share;
+use self::spokes::Body;
+use self::untangle::Patience;
 use crate::cancel::Cancelled;
 use crate::model::{LatticeSize, PerSurface, Repair};
 use crate::numerics::field::floor_index;
 use crate::params::GridChoice;
 use crate::pipeline::context::Context;
-use crate::pipeline::lattice::rim::WholeSheet;
-use crate::pipeline::lattice::{LEAST_SIZE, Laid, Lattice, relaid};
+use crate::pipeline::lattice::chart::Chart;
+use crate::pipeline::lattice::map::SpaceFromPlane;
+use crate::pipeline::lattice::{LEAST_SIZE, Laid, Lattice};
 use crate::pipeline::plane::Flat;
 use crate::pipeline::sides::SheetSides;
 use crate::pipeline::solid::Solid;
@@ -69,9 +66,11 @@ pub fn vectors(
     context: &Context<'_>,
 ) -> Result<(Nodes, Repair), Cancelled> {
     match laid {
-        Laid::Anchored { whole, lattice } => {
-            let body = Laying { solid, depth, sheet, share, whole: &whole, context };
-            body.finest_sound(lattice)
+        Laid::Anchored { whole, chart, lattice } => {
+            let points = &whole.points;
+            let map = SpaceFromPlane::new(&points.flat, &points.positions, &points.radii).over_holes();
+            let laying = Laying { body: Body { solid, depth, map }, sheet, share, chart: &chart, context };
+            laying.finest_sound(lattice)
         }
         Laid::Paper(lattices) => {
             let mut nodes = paper(solid, sheet, flat, lattices, context)?;
@@ -83,12 +82,20 @@ pub fn vectors(
 
 /// A sheet that lattices are tried on.
 struct Laying<'a> {
-    solid: &'a Solid,
-    depth: &'a Depth,
+    body: Body<'a>,
     sheet: &'a SheetSides,
     share: Share<'a>,
-    whole: &'a WholeSheet,
+    chart: &'a Chart,
     context: &'a Context<'a>,
+}
+
+/// A lattice that was tried.
+struct Tried {
+    lattice: Lattice,
+    margin: f64,
+    nodes: Nodes,
+    repair: Repair,
+    spoilt: Spoilt,
 }
 
 impl Laying<'_> {
@@ -99,40 +106,46 @@ impl Laying<'_> {
     fn finest_sound(&self, lattice: Lattice) -> Result<(Nodes, Repair), Cancelled> {
         let params = self.context.params;
         let is_ours = params.grid == GridChoice::Auto && params.spacing_mm.is_none() && self.context.repeat.is_none();
-        let whole_size = lattice.size;
-        let mut best = self.nodes(lattice)?;
         if !is_ours {
-            return Ok((best.0, best.1));
+            return self.repaired(lattice);
         }
+        let whole_size = lattice.size;
+        let mut best = self.tried(lattice, params.margin())?;
         for (size, margin) in tries(whole_size, params.margin()) {
-            if best.2 == Spoilt::default() {
+            if best.spoilt == Spoilt::default() {
                 break;
             }
-            let Some(lattice) = relaid(self.whole, size, margin, self.context)? else { break };
-            let other = self.nodes(lattice)?;
-            if other.2 < best.2 {
+            let other = self.tried(self.chart.lattice(size, margin, self.context)?, margin)?;
+            if other.spoilt < best.spoilt {
                 best = other;
-                if margin > params.margin() && best.2 == Spoilt::default() {
-                    let message = format!(
-                        "{:.0} % of the lattice's extent are left free at its rim, which is too rough",
-                        100.0 * margin
-                    );
-                    self.context.warn("rim_left_free", message);
-                }
             }
         }
-        Ok((best.0, best.1))
+        if best.margin > params.margin() {
+            let message = format!(
+                "{:.0} % of the lattice's extent are left free at its rim, which is too rough",
+                100.0 * best.margin
+            );
+            self.context.warn("rim_left_free", message);
+        }
+        if best.spoilt == Spoilt::default() { Ok((best.nodes, best.repair)) } else { self.repaired(best.lattice) }
     }
 
-    fn nodes(&self, lattice: Lattice) -> Result<(Nodes, Repair, Spoilt), Cancelled> {
+    /// A lattice in space, repaired as far as can be.
+    fn repaired(&self, lattice: Lattice) -> Result<(Nodes, Repair), Cancelled> {
+        let (mut nodes, repair) = anchored(&self.body, self.sheet, lattice, Patience::Whole, self.context)?;
+        round_rim(&mut nodes, &self.body.solid.level, self.share, self.context)?;
+        Ok((nodes, repair))
+    }
+
+    /// A lattice in space, repaired with little patience.
+    fn tried(&self, lattice: Lattice, margin: f64) -> Result<Tried, Cancelled> {
         /// Share of nodes that repair may spoil: one in a hundred is the corner of a lattice.
         const CORNER: f64 = 0.01;
-        let Self { solid, depth, sheet, share, whole, context } = self;
-        let (mut nodes, repair) = anchored(solid, depth, sheet, whole, lattice, *context)?;
-        round_rim(&mut nodes, &solid.level, *share, *context)?;
+        let (mut nodes, repair) = anchored(&self.body, self.sheet, lattice.clone(), Patience::Little, self.context)?;
+        round_rim(&mut nodes, &self.body.solid.level, self.share, self.context)?;
         let illegal = legality((&nodes).into()).parts.len();
         let marred = if repair.marred_share() <= CORNER { 0.0 } else { repair.marred_share() };
-        Ok((nodes, repair, Spoilt { illegal, marred }))
+        Ok(Tried { lattice, margin, nodes, repair, spoilt: Spoilt { illegal, marred } })
     }
 }
 
@@ -148,9 +161,9 @@ struct Spoilt {
 /// Lattices to try after the one of a size: coarser ones, then coarse ones with a margin.
 fn tries(size: LatticeSize, margin: f64) -> Vec<(LatticeSize, f64)> {
     /// What a side is multiplied with: from 40 nodes down to 10.
-    const COARSER: [f64; 5] = [0.75, 0.56, 0.42, 0.32, 0.24];
+    const COARSER: [f64; 4] = [0.75, 0.5, 0.32, 0.22];
     /// Share of the extent left free, and what the sides are multiplied with then.
-    const FREE: [(f64, f64); 4] = [(0.03, 0.75), (0.03, 0.42), (0.06, 0.75), (0.06, 0.32)];
+    const FREE: [(f64, f64); 3] = [(0.03, 0.6), (0.03, 0.36), (0.06, 0.32)];
     let mut tries: Vec<(LatticeSize, f64)> = Vec::new();
     for share in COARSER {
         let coarse = coarser(size, share);

@@ -6,8 +6,8 @@
 
 use nalgebra::Point3;
 
-use super::crest::{crest, look_ahead};
 use super::nodes::Nodes;
+use super::rim::crest::{crest, look_ahead};
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::PerSurface;
 use crate::pipeline::lattice::Lattice;

@@ -89,6 +89,8 @@ pub struct SpokedLattice<'a> {
     pub touched: BTreeSet<usize>,
     /// Nodes that would have run into a neighbour.
     pub merged: BTreeSet<usize>,
+    /// Whether too much of it is turned over to go on.
+    pub is_given_up: bool,
     /// Mean distance of each node's neighbours from it before anything was moved, voxels.
     pub spacing: Vec<f64>,
     /// What they lie in.
@@ -108,6 +110,14 @@ pub struct Tangle {
     pub long: [BTreeSet<usize>; 2],
     /// Nodes of quads that are folded in the sheet itself.
     pub folded: BTreeSet<usize>,
+}
+
+impl Tangle {
+    /// How many nodes it has.
+    pub fn nodes(&self) -> usize {
+        let all: BTreeSet<usize> = self.crossing.iter().flatten().chain(&self.folded).copied().collect();
+        all.len()
+    }
 }
 
 impl SpokedLattice<'_> {

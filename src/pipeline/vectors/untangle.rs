@@ -37,17 +37,46 @@ pub(super) enum Means {
 pub(super) const ROUNDS: [(Means, usize); 4] =
     [(Means::Turn, 40), (Means::Slide, 10), (Means::Lift, 40), (Means::Cut, 20)];
 
+/// How long to go on with a lattice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Patience {
+    /// Up to the last round, unless there is nothing to save.
+    Whole,
+    /// Until it is plain that nodes will be spoilt: another lattice may do.
+    Little,
+}
+
+impl Patience {
+    /// Share of nodes that have to be moved off the sheet with which it goes on.
+    fn most(self) -> f64 {
+        /// Of 60 lattices over 22 structures of a brain those of which no node was spoilt had 0.025 at the most.
+        const FEW: f64 = 0.04;
+        /// A sheet that is folded as much as this is none: that of a plate of one voxel across its stairs, which would take
+        /// minutes.
+        const MOST: f64 = 0.4;
+        match self {
+            Self::Whole => MOST,
+            Self::Little => FEW,
+        }
+    }
+}
+
 impl SpokedLattice<'_> {
     /// Turns, moves and shortens until nothing is illegal, or the rounds are over. Returns how many
     /// places were illegal, or nearly so, before.
     ///
     /// # Errors
     /// When it is cancelled.
-    pub fn untangle(&mut self) -> Result<usize, Cancelled> {
+    pub fn untangle(&mut self, patience: Patience) -> Result<usize, Cancelled> {
         let mut tangle = self.tangle()?;
         let before = tangle.places;
         let mut cut = BTreeSet::new();
         for (means, rounds) in ROUNDS {
+            let share = tangle.nodes() as f64 / self.medial.len() as f64;
+            self.is_given_up |= means == Means::Lift && share > patience.most();
+            if self.is_given_up {
+                break;
+            }
             for _ in 0..rounds {
                 if tangle.places == 0 {
                     break;
@@ -257,6 +286,7 @@ mod tests {
             hand: -1.0,
             touched: BTreeSet::new(),
             merged: BTreeSet::new(),
+            is_given_up: false,
             spacing: vec![1.0; 30],
             around: &TwoPlanes,
             cancel: &Never,
@@ -266,7 +296,7 @@ mod tests {
     #[test]
     fn a_legal_lattice_is_left_alone() {
         let mut spoked = flat_lattice();
-        assert_eq!((spoked.untangle(), spoked.touched.len()), (Ok(0), 0));
+        assert_eq!((spoked.untangle(Patience::Whole), spoked.touched.len()), (Ok(0), 0));
         assert_eq!(spoked.ends(0)[7], Point3::new(1.0, 1.0, 2.0));
     }
 
@@ -275,7 +305,7 @@ mod tests {
         let mut spoked = flat_lattice();
         spoked.directions[0][8] = Vector3::new(-1.0, 0.0, 0.6).normalize();
         spoked.let_reach(0, 8);
-        assert!(spoked.untangle().is_ok_and(|folds| folds > 0) && spoked.touched.contains(&8));
+        assert!(spoked.untangle(Patience::Whole).is_ok_and(|folds| folds > 0) && spoked.touched.contains(&8));
         assert!(spoked.tangle().is_ok_and(|tangle| tangle.places == 0));
         assert!(spoked.ends(0).iter().all(|p| (p.z - 2.0).abs() < 1e-9));
         assert_eq!(spoked.ends(1)[8], Point3::new(2.0, 1.0, -2.0), "the other side is not touched");
@@ -286,7 +316,7 @@ mod tests {
         let mut spoked = flat_lattice();
         spoked.lattice.nodes[8].x = 4.5;
         spoked.medial[8] = TwoPlanes.node(spoked.lattice.nodes[8]);
-        assert!(spoked.untangle().is_ok_and(|folds| folds > 0));
+        assert!(spoked.untangle(Patience::Whole).is_ok_and(|folds| folds > 0));
         assert!(spoked.tangle().is_ok_and(|tangle| tangle.places == 0));
         assert!(spoked.medial[8].position.x < 3.0);
     }

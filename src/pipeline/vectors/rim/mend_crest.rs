@@ -5,15 +5,15 @@ use std::collections::BTreeSet;
 
 use nalgebra::Vector3;
 
-use super::legality::{Part, legality};
-use super::nodes::Nodes;
-use super::shorten::CUT;
-use super::spoked_lattice::nodes_around;
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::ring;
 use crate::pipeline::solid::level::Level;
+use crate::pipeline::vectors::Nodes;
+use crate::pipeline::vectors::legality::{Part, legality};
+use crate::pipeline::vectors::shorten::CUT;
+use crate::pipeline::vectors::spoked_lattice::nodes_around;
 
-/// Rounds of turning. On the structures of [`ROUNDS`](super::untangle::ROUNDS) 10 rounds cut a tenth more nodes short
+/// Rounds of turning. On the structures of [`ROUNDS`](crate::pipeline::vectors::untangle::ROUNDS) 10 rounds cut a tenth more nodes short
 /// (268 against 244); 100 cut none less.
 const TURNS: usize = 40;
 /// Rounds after them in which crest vectors are shortened too. Without them wedges of two more structures stay turned

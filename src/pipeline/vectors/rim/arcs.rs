@@ -9,12 +9,12 @@ use std::collections::BTreeSet;
 
 use nalgebra::Point3;
 
-use super::legality::{Part, legality};
-use super::nodes::Nodes;
 use super::shares::Share;
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::{FLANK, Flanks, Side, ring};
 use crate::pipeline::solid::level::Level;
+use crate::pipeline::vectors::Nodes;
+use crate::pipeline::vectors::legality::{Part, legality};
 
 /// How far from its node a vector of the fan may end, in lengths of the longer of the spokes and the crest vector, and
 /// what is added in voxels. With less, corners of flat ends are cut off; with more, vectors run along thin parts.
