@@ -195,7 +195,7 @@ fn uncertainty_is_written_when_it_was_asked_for() {
 fn quality_has_its_names_per_figure_and_per_structure() {
     let document = thickness(&model());
     let structure = &document["structures"][0];
-    let fit = ["dice", "grain_mm", "covered_share", "far_share", "mask_to_model", "model_to_mask"];
+    let fit = ["dice", "flat_dice", "grain_mm", "covered_share", "far_share", "mask_to_model", "model_to_mask"];
     let sent = ["kept", "outside_share", "worst_place"];
     let folds = [
         "folds",

@@ -114,10 +114,26 @@ fn left_and_right_organs_have_mirrored_frames() {
             let right = beside(name, 60.0, rotation);
             let (right, left) = (figure_of(&right), figure_of(&mirrored(&right)));
             let off = drift(&right, &reflected(left.clone()));
-            assert!(off <= 0.5, "{name}: mirrored nodes are {off:.2} voxels apart");
+            // Skeletons of mirror images differ by voxels at the rim; a pointed end has its corners by the turn of few.
+            let most = if name == "leaf" { 0.55 } else { 0.1 };
+            assert!(off <= most, "{name}: mirrored nodes are {off:.2} voxels apart");
             assert!(handedness(&right) * handedness(&left) < 0.0, "{name}: a mirror turns the frame over");
             assert!(right.frame.ambiguities.iter().all(|why| !why.contains("x = 0")), "{name} lies on one side");
         }
+    }
+}
+
+#[test]
+fn sheets_of_nearly_one_size_are_in_the_order_of_their_place() {
+    for rotation in [Rotation3::identity(), turned()] {
+        let volume = sample("wye").voxelise([1.0; 3], rotation).expect("fits");
+        let model = model_of(&volume, params());
+        let lead = |p: &WorldPoint| p.z + 0.5 * p.y + 0.25 * p.x;
+        let mean = |sheet: &Sheet| sheet.medial.iter().map(lead).sum::<f64>() / sheet.medial.len() as f64;
+        let leads: Vec<f64> = model.structures[0].sheets().map(mean).collect();
+        assert_eq!(leads.len(), 3);
+        // Middles of nodes are not those of voxels.
+        assert!(leads.is_sorted_by(|a, b| a + 0.5 >= *b), "superior, anterior and lateral ones first: {leads:?}");
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use medialrep::model::{LatticeSize, Structure};
+use medialrep::model::{LatticeSize, Structure, Verdict};
 use medialrep::params::{GridChoice, LatticeKind, Params};
 use medialrep::samples::{Patch, Sample, Solid};
 use medialrep::space::{Grid, LabelVolume, WorldFromVoxel};
@@ -146,6 +146,48 @@ fn a_plate_tilted_in_its_slices_is_one_plate() {
         let mean = mean_mm(structure);
         assert!((mean - 12.0).abs() <= 0.6, "{mean} mm in slices of {spacing_mm} mm");
     }
+}
+
+/// A round flat plate, 80 mm across, with a round rim, tilted by 25°, in voxels of 1 mm.
+fn tilted_disk(thickness_mm: f64) -> LabelVolume {
+    let radius = thickness_mm / 2.0;
+    let disk = Patch::new(
+        move |s, t| {
+            let (sin, cos) = (TAU * t).sin_cos();
+            Point3::new((40.0 - radius) * s * cos, (40.0 - radius) * s * sin, 0.0)
+        },
+        move |_, _| radius,
+    );
+    let tilt = Rotation3::from_axis_angle(&Vector3::y_axis(), 25f64.to_radians());
+    let disk = Sample::new("disk", "a flat disk", vec![Solid::new(1, vec![disk])]);
+    disk.voxelise([1.0; 3], tilt).expect("fits in memory")
+}
+
+#[test]
+fn a_disk_of_few_voxels_is_a_sheet_as_thick_as_it_is() {
+    for thickness_mm in [3.0, 4.0, 5.0] {
+        let structure = structure_of(&tilted_disk(thickness_mm), Params::default());
+        assert_eq!(structure.figures.len(), 1, "{thickness_mm}");
+        let (mean, quality) = (mean_mm(&structure), &structure.quality);
+        assert!((mean - thickness_mm).abs() < 0.25, "{mean} mm of {thickness_mm}");
+        assert_eq!(quality.verdict, Verdict::Pass, "{thickness_mm} mm: {:?}", quality.reasons);
+        assert!(quality.coverage.dice > 0.95, "{thickness_mm} mm: {}", quality.coverage.dice);
+    }
+}
+
+#[test]
+fn the_verdict_is_that_of_the_shape_not_of_its_lattice() {
+    let leaf = sample("leaf").voxelise([1.0; 3], oblique()).expect("fits in memory");
+    let mut dice = Vec::new();
+    for (rows, cols) in [(4, 6), (6, 8), (12, 20), (20, 32)] {
+        let structure = structure_of(&leaf, Params { grid: GridChoice::Fixed { rows, cols }, ..Params::default() });
+        let quality = &structure.quality;
+        assert_eq!(quality.verdict, Verdict::Pass, "{rows} × {cols}: {:?}", quality.reasons);
+        dice.push([quality.coverage.dice, quality.coverage.flat_dice]);
+    }
+    // What flat quads leave out is told beside it.
+    let [[smooth, flat], .., [finest, _]] = dice[..] else { panic!("{dice:?}") };
+    assert!(smooth > flat + 0.02 && finest - smooth < 0.06, "{dice:?}");
 }
 
 #[test]

@@ -42,9 +42,9 @@ fn a_mask_thinner_than_two_voxels_names_a_resolution() {
 }
 
 #[test]
-fn a_speck_is_too_small() {
+fn a_speck_is_a_ball() {
     let speck = painted([12, 12, 12], [1.0; 3], |at| u16::from(at.iter().all(|x| (4..8).contains(x))));
-    check_refused(&speck, params(), "too_thin");
+    check_refused(&speck, params(), "shape_is_a_ball");
 }
 
 #[test]
@@ -105,7 +105,7 @@ fn an_image_of_intensities_is_refused_by_name() {
     // As many labels, each of a block, are a label map: what is refused is their shape.
     let block = |[i, j, k]: [usize; 3]| (1 + i / 4 + 10 * (j / 4) + 80 * (k / 4)) as i64;
     let atlas = medialrep::space::LabelVolume::from_fn([40, 32, 12], [1.0; 3], block).expect("a box");
-    check_refused(&atlas, params(), "too_thin");
+    check_refused(&atlas, params(), "shape_is_a_ball");
 }
 
 #[test]

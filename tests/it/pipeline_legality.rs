@@ -95,7 +95,7 @@ fn a_cell_that_is_turned_over_only_in_its_middle_is_found() {
     assert_eq!((found.folds, found.folded_centres), (0, 1));
     let cell = Illegal { part: Part::Cell, place: at(Side::Upper, 0, 0), corners: 0, is_centre_bad: true };
     assert_eq!(found.parts[0], cell);
-    let quality = figure_quality(&drafted(with_straight_arcs(&nodes)), &Never).unwrap();
+    let quality = figure_quality(&drafted(with_straight_arcs(&nodes)), &Never).unwrap().0;
     assert_eq!((quality.folds, quality.folded_cells), (0, vec![at(Side::Upper, 0, 0)]));
 }
 
@@ -204,7 +204,7 @@ fn a_figure_with_an_invalid_node_has_no_closed_surface() {
     let mut nodes = flat_slab(SIZE);
     nodes.valid[7] = false;
     assert_eq!(closed((&with_straight_arcs(&nodes)).into()), None);
-    let quality = figure_quality(&drafted(with_straight_arcs(&nodes)), &Never).unwrap();
+    let quality = figure_quality(&drafted(with_straight_arcs(&nodes)), &Never).unwrap().0;
     assert_eq!(quality.self_intersections, None);
     let mut nodes = flat_slab(SIZE);
     nodes.crest[1].x = f64::NAN;
@@ -215,7 +215,7 @@ fn a_figure_with_an_invalid_node_has_no_closed_surface() {
 fn a_surface_that_runs_through_itself_is_found() {
     let mut nodes = flat_slab(SIZE);
     nodes.upper[7].z = -4.0;
-    let quality = figure_quality(&drafted(with_straight_arcs(&nodes)), &Never).unwrap();
+    let quality = figure_quality(&drafted(with_straight_arcs(&nodes)), &Never).unwrap().0;
     assert!(quality.self_intersections.unwrap() > 0);
     // Without any fold: a strip bent round by more than a whole turn runs into its own start,
     // while every cell is the right way out.
@@ -226,7 +226,7 @@ fn a_surface_that_runs_through_itself_is_found() {
             *p = Point3::new(p.x, radius * angle.sin(), radius * angle.cos());
         }
     }
-    let quality = figure_quality(&drafted(with_straight_arcs(&nodes)), &Never).unwrap();
+    let quality = figure_quality(&drafted(with_straight_arcs(&nodes)), &Never).unwrap().0;
     assert_eq!((quality.folds, quality.folded_centres, quality.folded_wedges.len()), (0, 0, 0));
     assert!(quality.self_intersections.unwrap() > 0);
 }

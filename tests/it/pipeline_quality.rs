@@ -209,11 +209,11 @@ fn an_unrepaired_figure_had_its_folds_before() {
     let mut nodes = flat_slab(SIZE);
     nodes.upper[8].z = -1.0;
     let draft = drafted(nodes);
-    let quality = figure_quality(&draft, &Never).unwrap();
+    let quality = figure_quality(&draft, &Never).unwrap().0;
     assert_eq!(quality.repair, Repair { folds_before: quality.folds, ..Repair::default() });
     let repair = Repair { folds_before: 40, moved_nodes: 3, shortened_nodes: 1, ..Repair::default() };
     let repaired = Draft { repair, ..draft };
-    assert_eq!(figure_quality(&repaired, &Never).unwrap().repair, repair);
+    assert_eq!(figure_quality(&repaired, &Never).unwrap().0.repair, repair);
 }
 
 fn written(model: &Model) -> Value {

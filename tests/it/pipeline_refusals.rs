@@ -9,7 +9,11 @@ use nalgebra::Rotation3;
 use crate::help::phantoms::{first_sheet, model_of, painted, params, run_of, sample, turned, volume};
 
 fn refusal_of(volume: &LabelVolume) -> Refusal {
-    match run_of(volume, params()) {
+    refusal_with(volume, params())
+}
+
+fn refusal_with(volume: &LabelVolume, params: Params) -> Refusal {
+    match run_of(volume, params) {
         Err(PipelineError::Refused(refusal)) => refusal,
         other => panic!("expected a refusal, got {:?}", other.map(|m| m.structures.len())),
     }
@@ -84,7 +88,8 @@ fn the_resolution_that_a_thin_plate_is_told_does() {
             u16::from((0..3).all(|a| (3..3 + dims[a]).contains(&at[a])))
         })
     };
-    let refusal = refusal_of(&plate(1.0));
+    let whole_voxels = Params { resolution_mm: Some(1.0), ..params() };
+    let refusal = refusal_with(&plate(1.0), whole_voxels);
     let Refusal::TooThin { resolution_mm, thickness_mm, .. } = refusal else { panic!("{refusal}") };
     assert!((thickness_mm - 1.0).abs() < 0.3, "{thickness_mm}");
     assert!(refusal.hint().ends_with(&significant(resolution_mm)));
@@ -102,7 +107,10 @@ fn the_resolution_that_a_thin_plate_is_told_does() {
 
 #[test]
 fn the_sample_of_a_thin_sheet_works_at_the_resolution_it_is_told() {
-    let Refusal::TooThin { resolution_mm, .. } = refusal_of(&volume("thin")) else { panic!("not too thin") };
+    let whole_voxels = Params { resolution_mm: Some(1.0), ..params() };
+    let Refusal::TooThin { resolution_mm, .. } = refusal_with(&volume("thin"), whole_voxels) else {
+        panic!("not too thin")
+    };
     let fine = sample("thin").voxelise([resolution_mm; 3], Rotation3::identity()).expect("fits");
     assert_eq!(model_of(&fine, params()).structures[0].figures.len(), 1);
 }

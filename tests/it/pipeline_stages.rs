@@ -6,7 +6,8 @@ use medialrep::cancel::Never;
 use medialrep::model::LatticeSize;
 use medialrep::numerics::topology::{is_simple, neighborhood};
 use medialrep::params::{Embedding, Landmarks, LatticeKind, Neighbors};
-use medialrep::pipeline::lattice::lattice;
+use medialrep::pipeline::lattice::chart::Chart;
+use medialrep::pipeline::lattice::corners::Ends;
 use medialrep::pipeline::lattice::map::SpaceFromPlane;
 use medialrep::pipeline::medial::{MedialSurface, medial_surface};
 use medialrep::pipeline::plane::embedding::{EmbeddingError, Method, flatten};
@@ -173,9 +174,9 @@ fn crescent() -> Vec<nalgebra::Point2<f64>> {
 #[test]
 fn a_lattice_stays_inside_a_crescent_and_does_not_fold() {
     let size = LatticeSize { rows: 8, cols: 20 };
-    let found = lattice(&Region::of(&crescent(), &Never).unwrap(), LatticeKind::Fitted, size, 0.05, 0.0, &Never)
-        .unwrap()
-        .expect("a region");
+    let region = Region::of(&crescent(), &Never).unwrap();
+    let chart = Chart::of(&region, LatticeKind::Fitted, (Ends::OfTails, 0.0), &Never).unwrap().expect("a region");
+    let found = chart.lattice(size, 0.05, &Never).unwrap();
     assert!(found.valid.iter().all(|v| *v), "a node lies in the hollow");
     let radii = found.nodes.iter().map(|n| n.coords.norm());
     assert!(radii.clone().all(|r| (19.0..33.0).contains(&r)), "{:?}", radii.collect::<Vec<_>>());
