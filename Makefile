@@ -50,6 +50,7 @@ lint:
 	cargo fmt --check
 	cargo fmt --manifest-path fuzz/Cargo.toml --check
 	cargo clippy --locked --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc --quiet --locked --no-deps
 
 # Writes openapi.yaml anew; a test holds it equal to the routes.
 openapi:

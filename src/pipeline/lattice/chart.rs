@@ -1,6 +1,6 @@
 //! A region as a square whose lines are evenly spaced: what its lattices of all sizes are laid from.
 //!
-//! 1. The region is made the image of a square ([`Patch`]), in which nodes slide along rows and columns in turn until they
+//! 1. The region is made the image of a square (`patch`), in which nodes slide along rows and columns in turn until they
 //!    are equally spaced along both (`slide`): harmonic shares crowd in hollows and thin out in tips, and a margin is to be
 //!    a share of the length of each line;
 //! 2. a lattice is laid over that, less its margin, and slid in turn;

@@ -198,9 +198,8 @@ fn length_between(line: &Polyline<2>, from: f64, to: f64) -> f64 {
 fn farthest(line: &Polyline<2>, [x, y]: [f64; 2]) -> f64 {
     /// Difference to the largest value at which a place counts 1/e. With 0.01, single voxels move the corner of a round end:
     /// medial nodes of a hippocampus lie a fifth further from the middle. With 0.6, the sides beside a corner pull at it: the mask of
-    /// a spleen lies 1.18 mm from the model on average, not 1.12. Under a turned grid and noise nodes of eight organs move
-    /// least with 0.2, half of them by a tenth less than with 0.1 or 0.3.
-    const SOFT: f64 = 0.2;
+    /// a spleen lies 1.18 mm from the model on average, not 1.12.
+    const SOFT: f64 = 0.1;
     // The last point is the first.
     let count = line.points().len() - 1;
     let values: Vec<f64> = line.points().iter().map(|p| p.x * x + p.y * y).collect();

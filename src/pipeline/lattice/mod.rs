@@ -81,7 +81,7 @@ pub struct Lattice {
     pub nodes: Vec<Point2<f64>>,
     /// Whether the node lies inside the outline.
     pub valid: Vec<bool>,
-    /// For every node of the edge, in the order of [`ring`], the place on the sheet's rim that it
+    /// For every node of the edge, in the order of [`ring`](crate::model::ring), the place on the sheet's rim that it
     /// looks out to: along the lines of the lattice for a fitted one, its own for a regular one.
     pub rim: Vec<Point2<f64>>,
 }

@@ -15,7 +15,7 @@
 //! every length that comes after.
 //!
 //! Work space is the working grid's voxel coordinates: isotropic and orthogonal, so that lengths
-//! in it are millimetres divided by [`Solid::voxel_mm`]. Everything up to the lattice is
+//! in it are millimetres divided by [`Solid::unit_mm`]. Everything up to the lattice is
 //! computed there.
 
 pub mod cut_out;

@@ -5,11 +5,11 @@
 //!    (i, j) on three lattices are paired (`paper`). We leave the paper with `"anchored"`, the default: the nodes of
 //!    the medial lattice are carried to both sides along the spokes of its inscribed balls (`anchored`, `spokes`),
 //!    because the three lattices stretch differently and vectors between them lean.
-//! 2. The three meshes of the paper leave the rim open. Each node of the edge gets a crest point there (`crest`), and an
-//!    arc round the rim from its upper node over that point to its lower node (`arcs`), so that what the vectors fill is
-//!    closed. Where sheets meet, arcs keep to the share of their own ([`shares`]).
-//! 3. The paper's vectors are meant not to cross. We look ([`legality`]), and with `"anchored"` turn those that do
-//!    (`spoked_lattice`, `untangle`, `mend_crest`); what crosses whichever way it is turned is cut short (`shorten`).
+//! 2. The three meshes of the paper leave the rim open. Each node of the edge gets a crest point there, and an arc
+//!    round the rim from its upper node over that point to its lower node, so that what the vectors fill is closed; where
+//!    sheets meet, arcs keep to the share of their own ([`rim`]).
+//! 3. The paper's vectors are meant not to cross. We look ([`mod@legality`]), and with `"anchored"` turn those that do
+//!    (`spoked_lattice`, `untangle`, `rim`); what crosses whichever way it is turned is cut short (`shorten`).
 
 mod nodes;
 

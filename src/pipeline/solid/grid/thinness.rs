@@ -13,11 +13,12 @@ use crate::space::Grid;
 
 /// Distance from the ridge of a solid to the nearest voxel outside, in voxels of the finest spacing, up to which it is
 /// thin: half a voxel more than the radius. A disk of three voxels is laid out on half of them (overlap 0.99) and not on
-/// whole ones (0.76), and seven ribs are, which were refused; with 3, vertebrae and a hippocampus fold.
+/// whole ones (0.76), and seven thin structures of a torso have answers without a fold that were refused; with 3, a
+/// hippocampus folds.
 const THIN: f64 = 2.5;
 /// How much of the ridge, per cent: an object that is thin at its ends alone has its place on its own grid.
 const NEARLY_ALL: usize = 90;
-/// Share of the finest spacing that a thin solid's working voxel has. A third makes three times as many voxels for 0.002
+/// Share of the finest spacing that a thin solid's working voxel has. With 0.4 there are twice as many voxels for 0.002
 /// more of the disk's overlap.
 const FINER: f64 = 0.5;
 /// Voxels of a finer grid at the most: the stages take seconds for as many.

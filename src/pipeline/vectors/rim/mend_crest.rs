@@ -13,8 +13,8 @@ use crate::pipeline::vectors::legality::{Part, legality};
 use crate::pipeline::vectors::shorten::CUT;
 use crate::pipeline::vectors::spoked_lattice::nodes_around;
 
-/// Rounds of turning. On the structures of [`ROUNDS`](crate::pipeline::vectors::untangle::ROUNDS) 10 rounds cut a tenth more nodes short
-/// (268 against 244); 100 cut none less.
+/// Rounds of turning. On the structures of `untangle`'s rounds 10 of them cut a tenth more nodes short (268 against 244);
+/// 100 cut none less.
 const TURNS: usize = 40;
 /// Rounds after them in which crest vectors are shortened too. Without them wedges of two more structures stay turned
 /// over; 60 mend nothing more.
