@@ -115,7 +115,7 @@ fn left_and_right_organs_have_mirrored_frames() {
             let (right, left) = (figure_of(&right), figure_of(&mirrored(&right)));
             let off = drift(&right, &reflected(left.clone()));
             // A pointed end has its corners by the turn of few voxels, in which skeletons of mirror images differ.
-            let most = if name == "leaf" { 0.55 } else { 0.1 };
+            let most = if name == "leaf" { 0.45 } else { 0.1 };
             assert!(off <= most, "{name}: mirrored nodes are {off:.2} voxels apart");
             assert!(handedness(&right) * handedness(&left) < 0.0, "{name}: a mirror turns the frame over");
             assert!(right.frame.ambiguities.iter().all(|why| !why.contains("x = 0")), "{name} lies on one side");
