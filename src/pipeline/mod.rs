@@ -20,6 +20,12 @@ pub mod sides;
 
 pub mod plane;
 
+pub mod kind;
+
+pub mod chart;
+
+pub mod cutting;
+
 pub mod lattice;
 
 pub mod vectors;

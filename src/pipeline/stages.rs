@@ -19,11 +19,11 @@
 //! [`Context`]; where it leaves the paper, the head of its folder says why.
 
 use super::context::{Context, Part};
+use super::cutting::laid_flat;
 use super::draft::Draft;
 use super::hand_out::hand_out;
 use super::lattice::lattices;
 use super::medial::{MedialSurface, medial_surface};
-use super::plane::cut::laid_flat;
 use super::plane::{Framed, framed};
 use super::quality::{Answered, quality};
 use super::sheets::{Sheets, sheets};

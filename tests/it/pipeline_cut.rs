@@ -32,6 +32,14 @@ fn notched() -> LabelVolume {
     })
 }
 
+/// A flat L 8 thick, of two arms 24 wide and 90 long.
+fn bent_in_its_plane() -> LabelVolume {
+    painted([100, 100, 16], [1.0; 3], |[x, y, z]| {
+        let is_inside = (4..94).contains(&x) && (4..94).contains(&y) && (4..12).contains(&z);
+        u16::from(is_inside && (x < 28 || y < 28))
+    })
+}
+
 #[test]
 fn a_bowl_is_cut_until_every_part_can_be_laid_flat() {
     let bowl = structure(&bowl(), params());
@@ -69,6 +77,16 @@ fn a_plate_that_forks_around_a_slot_is_cut_at_its_bottom() {
     let hinge = &plate.junctions[0].points;
     let mean = hinge.iter().map(|p| p.x.abs()).sum::<f64>() / hinge.len() as f64;
     assert!((mean - 74.0).abs() < 8.0, "the cut lies at {mean:.1}");
+}
+
+#[test]
+fn a_sheet_that_bends_in_its_plane_is_cut_in_its_arms() {
+    let plate = structure(&bent_in_its_plane(), params());
+    let told: Vec<_> = plate.warnings.iter().filter(|w| w.code == "sheet_cut").map(|w| w.message.as_str()).collect();
+    assert!(told.len() == 1 && told[0].contains("no lattice fits it"), "{told:?}");
+    assert_eq!((plate.figures.len(), plate.junctions.len()), (2, 1));
+    let overlap = plate.quality.coverage.dice;
+    assert!(overlap > 0.93, "overlap {overlap:.3}");
 }
 
 #[test]

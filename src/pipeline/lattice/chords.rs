@@ -9,11 +9,11 @@
 use nalgebra::{Point3, Vector3};
 
 use super::LEAST_SIZE;
-use super::chart::Chart;
 use crate::cancel::Cancelled;
 use crate::model::LatticeSize;
 use crate::numerics::field::floor_index;
 use crate::numerics::polyline::Polyline;
+use crate::pipeline::chart::Chart;
 use crate::pipeline::context::Context;
 use crate::pipeline::lattice::map::SpaceFromPlane;
 use crate::pipeline::plane::strip::SheetPoints;

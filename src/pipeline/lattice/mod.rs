@@ -3,8 +3,7 @@
 //!
 //! 1. The region that the sheet covers in its plane is found; balls, tubes and sheets with large holes are refused;
 //! 2. the sheet is carried on to its rim (`rim`), where it ends before or goes on beyond its voxels;
-//! 3. the region is cut into four sides ([`corners`]) and made the image of a square (`patch`) with evenly spaced lines
-//!    ([`chart`]);
+//! 3. the region is made the image of a square with evenly spaced lines ([`chart`](super::chart));
 //! 4. the lattice gets its size (`automatic`) and is laid along those lines;
 //! 5. [`map`] brings nodes back to space.
 //!
@@ -12,18 +11,6 @@
 //! nodes on nothing: a rectangle inside an ellipse covers at most 64 % of it. "fitted", the default, follows the outline.
 //! The map back is a local quadratic fit (moving least squares), so that the staircase of the voxels does not reach the
 //! mesh; and only with `correspondence` "paper" does each surface have a lattice of its own.
-
-mod arc;
-
-pub mod chart;
-
-pub mod corners;
-
-mod harmonic;
-
-mod patch;
-
-mod slide;
 
 pub(crate) mod rim;
 
@@ -33,17 +20,15 @@ mod chords;
 
 mod size;
 
-use nalgebra::Point2;
-
-use self::chart::Chart;
-use self::corners::Ends;
 use self::rim::{WholeSheet, to_rim};
 use self::size::{automatic, respaced};
 use crate::cancel::Cancelled;
 use crate::model::{Automatic, FrameFacts, LatticeSize, PerSurface, Refusal};
 use crate::params::Correspondence;
 use crate::pipeline::PipelineError;
+use crate::pipeline::chart::{Chart, Ends, Lattice};
 use crate::pipeline::context::Context;
+use crate::pipeline::kind::{Kind, kind};
 use crate::pipeline::plane::region::{HOLES_REFUSED, Region};
 use crate::pipeline::plane::strip::{SheetPoints, widened};
 use crate::pipeline::plane::{Flat, Framed};
@@ -52,12 +37,6 @@ use crate::pipeline::sides::SheetSides;
 use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::depth::Depth;
 
-/// A sheet shorter than this many radii is that of a ball, one narrower than this many that of a tube. From 0.5 to 1
-/// nothing changes; with 2, a bladder is refused.
-const BALL_LENGTH: f64 = 1.0;
-/// See [`BALL_LENGTH`]. With 1.6, eight of 75 organs and shapes are refused, two thalami among them, which pass; with
-/// 0.4, a rectum and a bladder are laid out that then fail, and an accumbens that does not.
-const TUBE_WIDTH: f64 = 0.8;
 /// The paper's lattice (figure 5): an automatic one has as many nodes at the least.
 pub(super) const LEAST_SIZE: LatticeSize = LatticeSize { rows: 6, cols: 8 };
 /// Width of a tail below which no lattice follows it, voxels: it is a curve there. With 1 a hippocampus loses its tail, 0.07
@@ -71,20 +50,6 @@ const HOLES_SAID: f64 = 0.02;
 /// to 10 % of the corners on organs with tails, against 0 to 2.5 %). What is left free belongs to the crest. With 0.05,
 /// masks of 26 organs and shapes lie a third further from the model on average.
 const RIM_INSET: f64 = 0.01;
-
-/// Nodes of a lattice in the plane, row-major.
-#[derive(Clone, Debug)]
-pub struct Lattice {
-    /// Its size.
-    pub size: LatticeSize,
-    /// Plane coordinates, voxels.
-    pub nodes: Vec<Point2<f64>>,
-    /// Whether the node lies inside the outline.
-    pub valid: Vec<bool>,
-    /// For every node of the edge, in the order of [`ring`](crate::model::ring), the place on the sheet's rim that it
-    /// looks out to: along the lines of the lattice for a fitted one, its own for a regular one.
-    pub rim: Vec<Point2<f64>>,
-}
 
 /// The lattices of a figure.
 #[derive(Clone, Debug)]
@@ -117,7 +82,7 @@ pub fn lattices(
     let flat = &framed.flat;
     let own_region = Region::of(&flat.medial.points, context)?;
     if number == 0 {
-        check_extents(&own_region, sheet, solid)?;
+        check_kind(&own_region, sheet, solid)?;
     }
     let is_anchored = context.params.correspondence == Correspondence::Anchored;
     let points =
@@ -227,17 +192,13 @@ fn on_side(flat: &Flat, size: LatticeSize, context: &Context<'_>) -> Result<Opti
     Ok(Some(chart.lattice(size, context.params.margin(), context)?))
 }
 
-/// Refuses balls and tubes: their medial sheet is no wider than they are thick.
-fn check_extents(region: &Region, sheet: &SheetSides, solid: &Solid) -> Result<(), Refusal> {
-    let [length, width] = region.rectangle();
+/// Refuses balls and tubes.
+fn check_kind(region: &Region, sheet: &SheetSides, solid: &Solid) -> Result<(), Refusal> {
     let radius = sheet.radii.iter().copied().fold(0.0, f64::max);
-    let mm = solid.unit_mm;
-    let (length_mm, radius_mm) = (length * mm, radius * mm);
-    if length < BALL_LENGTH * radius {
-        Err(Refusal::Ball { radius_mm })
-    } else if width < TUBE_WIDTH * radius {
-        Err(Refusal::Tube { length_mm, radius_mm })
-    } else {
-        Ok(())
+    let radius_mm = radius * solid.unit_mm;
+    match kind(region, radius) {
+        Kind::Ball => Err(Refusal::Ball { radius_mm }),
+        Kind::Tube { length } => Err(Refusal::Tube { length_mm: length * solid.unit_mm, radius_mm }),
+        Kind::Sheet => Ok(()),
     }
 }

@@ -1,14 +1,13 @@
 //! How many rows and columns a lattice gets (section 3 of the paper), and the evidence for it and for what else was
 //! chosen.
 
-use super::chart::Chart;
 use super::chords::following;
 use crate::cancel::Cancelled;
 use crate::model::{Automatic, GridFrom, LatticeSize, PerSurface};
 use crate::numerics::field::floor_index;
 use crate::params::{CheckedParams, GridChoice, LATTICE_SIDE, Neighbors};
+use crate::pipeline::chart::{Chart, Lattice};
 use crate::pipeline::context::Context;
-use crate::pipeline::lattice::Lattice;
 use crate::pipeline::plane::strip::SheetPoints;
 use crate::pipeline::plane::{AUTO_RADIUS, Flat};
 

@@ -149,6 +149,12 @@ impl Region {
         self.principal_axes().1.map(|moment| moment * 12.0f64.sqrt())
     }
 
+    /// Its area, square voxels.
+    #[must_use]
+    pub fn area(&self) -> f64 {
+        self.moments().0 * PITCH * PITCH
+    }
+
     /// Number of inside pixels (at least 1), mean of their positions from the origin, and sum of
     /// the positions' products.
     #[must_use]

@@ -21,7 +21,7 @@ use super::spokes::{Body, upper_sign};
 use super::untangle::Patience;
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::{NodeRepair, Repair};
-use crate::pipeline::lattice::Lattice;
+use crate::pipeline::chart::Lattice;
 use crate::pipeline::sides::SheetSides;
 
 /// Rounds of turning the spokes of the edge until the crest is legal too; from half of them on its nodes are moved along

@@ -10,7 +10,7 @@ use super::nodes::Nodes;
 use super::rim::crest::{crest, look_ahead};
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::PerSurface;
-use crate::pipeline::lattice::Lattice;
+use crate::pipeline::chart::Lattice;
 use crate::pipeline::lattice::map::SpaceFromPlane;
 use crate::pipeline::plane::Flat;
 use crate::pipeline::sides::{SheetSides, Side};

@@ -11,7 +11,7 @@ use super::legality::{cell_edges, determinant};
 use super::nodes::Nodes;
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::{LatticeSize, PerSurface};
-use crate::pipeline::lattice::Lattice;
+use crate::pipeline::chart::Lattice;
 use crate::pipeline::lattice::map::Node;
 
 /// Least Jacobian of a legal place, as a share of the volume its edges would span at right angles. At 0 cells stay that

@@ -248,7 +248,7 @@ fn those_it_lies_between(size: LatticeSize, n: usize) -> Vec<usize> {
 mod tests {
     use super::*;
     use crate::cancel::Never;
-    use crate::pipeline::lattice::Lattice;
+    use crate::pipeline::chart::Lattice;
     use crate::pipeline::vectors::spoked_lattice::Surroundings;
 
     const SIZE: LatticeSize = LatticeSize { rows: 5, cols: 6 };

@@ -3,7 +3,7 @@
 use nalgebra::{Point3, Vector2, Vector3};
 
 use crate::model::{LatticeSize, ring};
-use crate::pipeline::lattice::Lattice;
+use crate::pipeline::chart::Lattice;
 use crate::pipeline::lattice::map::{Node, SpaceFromPlane};
 use crate::pipeline::solid::level::Level;
 

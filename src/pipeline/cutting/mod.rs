@@ -8,49 +8,39 @@
 //! LLE and Laplacian eigenmaps do not keep distances, so the residual variance of a good plane of theirs may be
 //! large: of theirs it is the share that lies turned over.
 //!
-//! A sheet that forks around a notch can be laid flat, but its lattice would have to run round the
-//! notch. One of its arms is cut off.
+//! Two kinds of sheets can be laid flat and have no lattice: one that forks around a notch, of which an arm is cut off,
+//! and one that bends in its own plane, like an L, whose rows would run into the bend at small angles (`part`).
 //!
 //! 1. Strings of single voxels, which no lattice covers, are taken off a sheet that has no plane of its own;
 //! 2. of a sheet that forks, an arm is cut off;
-//! 3. any other sheet without a plane is cut in two across one axis of the plane, where that leaves the lower fault;
+//! 3. any other sheet without a plane or a lattice is cut in two across one axis of the plane, where that leaves the lower
+//!    fault;
 //! 4. and so on with the parts, as long as there may be more.
 //!
 //! The paper has no such step: its sheets are laid flat as they are.
 
+mod arms;
+
+mod part;
+
+use self::arms::{MIN_ARM, arm};
+use self::part::{Faults, Measure, Part};
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::field::{floor_index, id};
 use crate::numerics::flood::within_steps;
-use crate::numerics::moments::bounds;
-use crate::params::{Embedding, Landmarks};
+use crate::params::Landmarks;
 use crate::pipeline::context::Context;
+use crate::pipeline::kind::{Kind, kind};
 use crate::pipeline::medial::MedialSurface;
-use crate::pipeline::plane::embedding::{EmbeddingError, Flat, MAX_TURNED_OVER, Method, flatten};
+use crate::pipeline::plane::embedding::{EmbeddingError, Flat, Method, flatten};
 use crate::pipeline::plane::region::{HOLES_REFUSED, Region};
 use crate::pipeline::sheets::{NO_SHEET, Sheets, in_order};
 use crate::pipeline::sides::is_orientable;
 use crate::pipeline::solid::Solid;
-use crate::pipeline::surface::Surface;
 
-/// Residual variance above which a sheet counts as not laid flat. Sheets known to be developable
-/// have 0.0006 at most, organs that are laid out well 0.008, and sheets that lie over themselves in
-/// the plane 0.04 and more.
-const MAX_RESIDUAL: f64 = 0.018;
 /// Points that each half of a curled sheet keeps at least: a vertebra of 103 points was worse in two. With 200, none of
 /// 75 organs and shapes changes.
 const MIN_HALF: usize = 100;
-/// Points of an arm that is cut off, and of a piece between strings, at least: those of a lattice of 3 × 3 nodes with
-/// something to fit each to. With 20 nothing changes; with 80 a spleen keeps its arm: its overlap is 0.88, not 0.91,
-/// and four of its nodes end short.
-const MIN_ARM: usize = 40;
-/// How far an arm juts out at least, as a share of the sheet's length. The notch of a spleen is
-/// 25 % deep; the rims of organs without one have bays of 11 % at most.
-const ARM_LENGTH: f64 = 0.15;
-/// Points of an arm, as a share of the sheet's: the spleen's has 9 %, those at bays 2.4 %.
-const ARM_POINTS: f64 = 0.05;
-/// Distance of touching points of one arm at most, voxels: neighbouring voxels' centres are 1.7 apart.
-/// Where the tips of two arms pass each other, their voxels touch and the points lie 3 apart.
-const LINK: f64 = 2.5;
 /// Steps along the surface around a point that tell a sheet from a string.
 const STRING_STEPS: usize = 2;
 /// Points within these steps around a point of a sheet: 25 inside, 15 at a rim, 9 in a corner; on a string of single
@@ -70,79 +60,12 @@ pub struct Laid {
     pub flat: Vec<Option<Flat>>,
 }
 
-/// The measure that tells a sheet which is not laid flat.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Fault {
-    Residual,
-    TurnedOver,
-}
-
-impl Fault {
-    fn of(embedding: Embedding) -> Self {
-        if embedding == Embedding::Isomap { Self::Residual } else { Self::TurnedOver }
-    }
-
-    /// What a plane to work in has at most.
-    fn most(self) -> f64 {
-        match self {
-            Self::Residual => MAX_RESIDUAL,
-            Self::TurnedOver => MAX_TURNED_OVER,
-        }
-    }
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::Residual => "residual variance",
-            Self::TurnedOver => "share turned over",
-        }
-    }
-}
-
-/// A connected part of a sheet in its plane.
-struct Part {
-    /// Medial points, ascending.
-    members: Vec<u32>,
-    surface: Surface,
-    flat: Option<Flat>,
-    /// What is wrong with its plane, by the measure of the embedding; 0 of what is not laid flat.
-    fault: f64,
-    /// Strings were taken off.
-    is_bare: bool,
-}
-
-impl Part {
-    /// Whether it has no plane of its own.
-    fn is_curled(&self, fault: Fault) -> bool {
-        self.fault > fault.most()
-    }
-
-    /// One of two arms of a sheet that forks along its long axis: such a sheet has no lattice, for
-    /// columns would have to cross the notch. Indices into the part.
-    fn arm(&self, cancel: &dyn Cancel) -> Result<Option<Vec<usize>>, Cancelled> {
-        let Some(flat) = &self.flat else { return Ok(None) };
-        let count = flat.points.len();
-        let [low, high] = bounds(&flat.points);
-        let length = ARM_LENGTH * (high.x - low.x);
-        let least = MIN_ARM.max(floor_index(ARM_POINTS * count as f64));
-        let along: Vec<f64> = flat.points.iter().map(|p| p.x).collect();
-        let back = along.iter().map(std::ops::Neg::neg).collect();
-        let first = Arms::new(along, length, least).grown(&self.surface, cancel)?;
-        let other = Arms::new(back, length, least).grown(&self.surface, cancel)?;
-        Ok([first, other].into_iter().flatten().max_by_key(|arm| smaller_part(arm, count)))
-    }
-}
-
-/// Points of an arm, or of what is left of `count` without it, whichever are fewer.
-fn smaller_part(arm: &[usize], count: usize) -> usize {
-    arm.len().min(count - arm.len())
-}
-
 /// Lays sheets flat and cuts them.
 struct Cutter<'a> {
     surface: &'a MedialSurface,
     voxel_mm: f64,
     has_tunnels: bool,
-    fault: Fault,
+    measure: Measure,
     context: &'a Context<'a>,
 }
 
@@ -157,14 +80,14 @@ pub fn laid_flat(
     context: &Context<'_>,
 ) -> Result<Laid, Cancelled> {
     let params = context.params;
-    let fault = Fault::of(params.embedding);
-    let cutter = Cutter { surface, voxel_mm: solid.unit_mm, has_tunnels: solid.has_tunnels, fault, context };
+    let measure = Measure::of(params.embedding);
+    let cutter = Cutter { surface, voxel_mm: solid.unit_mm, has_tunnels: solid.has_tunnels, measure, context };
     let mut spare = params.max_figures.unwrap_or(usize::MAX).saturating_sub(sheets.members.len());
     let mut label = sheets.sheet_of.clone();
     let mut laid = Vec::new();
     for (number, members) in sheets.members.iter().enumerate() {
         let whole = cutter.lay(members, params.landmarks)?;
-        let fault = whole.fault;
+        let before = whole.faults;
         let mut parts = cutter.cut(whole, &mut spare)?;
         if parts.len() > 1 || parts[0].is_bare {
             set_label(&mut label, members, NO_SHEET);
@@ -174,7 +97,7 @@ pub fn laid_flat(
                     *part = cutter.lay(&part.members, params.landmarks)?;
                 }
             }
-            context.warn("sheet_cut", said(number, (cutter.fault, fault), members.len(), &parts));
+            context.warn("sheet_cut", said(number, before, members.len(), &parts));
         }
         laid.extend(parts);
     }
@@ -203,27 +126,31 @@ fn taken_plane(parts: &mut [Part], members: &[u32]) -> Option<Flat> {
 }
 
 /// What was done to a sheet.
-fn said(number: usize, (fault, before): (Fault, f64), points: usize, parts: &[Part]) -> String {
+fn said(number: usize, before: Faults, points: usize, parts: &[Part]) -> String {
     let left = points - parts.iter().map(|part| part.members.len()).sum::<usize>();
-    let worst = worst_fault(parts);
-    let why = if before > fault.most() { "cannot be laid flat" } else { "forks around a notch" };
-    let name = fault.name();
-    let mut message = format!("sheet {number} {why} ({name} {before:.3})");
+    let why = if before.is_curled() {
+        "cannot be laid flat"
+    } else if before.is_bent() {
+        "is bent so that no lattice fits it"
+    } else {
+        "forks around a notch"
+    };
+    let mut message = format!("sheet {number} {why} ({before})");
     if left > 0 {
         message += &format!("; {left} of its {points} points are in strings and were left out");
     }
     if parts.len() > 1 {
         message += &format!("; it was cut in {} parts", parts.len());
     }
-    message + &format!("; the {name} is {worst:.3} at most now")
+    match worst(parts) {
+        Some(faults) => message + &format!("; now at the worst {faults}"),
+        None => message,
+    }
 }
 
-fn worst_fault(parts: &[Part]) -> f64 {
-    let mut worst = 0.0f64;
-    for part in parts {
-        worst = worst.max(part.fault);
-    }
-    worst
+/// The faults of the worst part.
+fn worst(parts: &[Part]) -> Option<Faults> {
+    parts.iter().map(|part| part.faults).max_by(|a, b| a.worse().total_cmp(&b.worse()))
 }
 
 impl Cutter<'_> {
@@ -245,7 +172,7 @@ impl Cutter<'_> {
     /// Whether a sheet is refused for what it is, a band with one side or a ring: cut, it would look like
     /// one that is not.
     fn is_refused(&self, part: &Part) -> Result<bool, Cancelled> {
-        if !part.is_curled(self.fault) {
+        if part.faults.worse() <= 1.0 {
             return Ok(false);
         }
         if self.has_tunnels
@@ -260,8 +187,8 @@ impl Cutter<'_> {
     /// What a part that cannot be laid flat, or forks, falls into, at most `more` parts more than there
     /// were; nothing when it stays. Strings are taken off first.
     fn pieces(&self, part: &Part, more: usize) -> Result<Vec<Part>, Cancelled> {
-        let is_curled = part.is_curled(self.fault);
-        if is_curled
+        let is_faulty = part.faults.worse() > 1.0;
+        if is_faulty
             && !part.is_bare
             && let Some(bare) = self.bared(part, more)?
         {
@@ -270,12 +197,13 @@ impl Cutter<'_> {
         if more == 0 {
             return Ok(Vec::new());
         }
-        if let Some(arm) = part.arm(self.context)?
+        if let Some(flat) = &part.flat
+            && let Some(arm) = arm(&part.surface, flat, self.context)?
             && let Some(members) = self.split(part, &arm, MIN_ARM)?
         {
             return Ok(self.lay_both(part, &members)?.into());
         }
-        let halves = if is_curled { self.halves(part)? } else { None };
+        let halves = if is_faulty { self.halves(part)? } else { None };
         Ok(halves.map_or_else(Vec::new, Vec::from))
     }
 
@@ -330,19 +258,17 @@ impl Cutter<'_> {
             // Said where the sheet is laid out.
             Err(_) => None,
         };
-        let fault = match &flat {
-            Some(flat) => self.fault_of(flat, &surface)?,
-            None => 0.0,
-        };
-        Ok(Part { members, surface, flat, fault, is_bare: false })
+        let (mut of_kind, mut faults) = (Kind::Sheet, Faults::none(self.measure));
+        if let Some(flat) = &flat {
+            let region = Region::of(&flat.points, self.context)?;
+            of_kind = kind(&region, self.largest_radius(&members));
+            faults = Faults::of(self.measure, (flat, &region), &surface, self.context)?;
+        }
+        Ok(Part { members, surface, flat, kind: of_kind, faults, is_bare: false })
     }
 
-    /// What is wrong with a plane, by the measure of the embedding.
-    fn fault_of(&self, flat: &Flat, surface: &Surface) -> Result<f64, Cancelled> {
-        Ok(match self.fault {
-            Fault::Residual => flat.embedded.map_or(0.0, |embedded| embedded.residual_variance),
-            Fault::TurnedOver => flat.distortion(surface, self.context)?.map_or(0.0, |found| found.turned_over),
-        })
+    fn largest_radius(&self, members: &[u32]) -> f64 {
+        members.iter().map(|&p| self.surface.point(p).radius).fold(0.0, f64::max)
     }
 
     /// Two parts of one, laid flat.
@@ -357,11 +283,11 @@ impl Cutter<'_> {
         Ok(largest.into_iter().map(|k| members[k as usize]).collect())
     }
 
-    /// The two parts of the cut that leaves the lowest fault, if that is lower than before.
+    /// The two sheets of the cut that leaves the lowest fault, if that is lower than before.
     fn halves(&self, part: &Part) -> Result<Option<[Part; 2]>, Cancelled> {
         let Some(flat) = &part.flat else { return Ok(None) };
         let mut best: Option<[Part; 2]> = None;
-        let mut least = part.fault;
+        let mut least = part.faults.worse();
         for axis in 0..2 {
             let mut order: Vec<usize> = (0..part.members.len()).collect();
             order.sort_by(|&a, &b| flat.points[a][axis].total_cmp(&flat.points[b][axis]));
@@ -369,8 +295,9 @@ impl Cutter<'_> {
                 let low = &order[..floor_index(order.len() as f64 * place)];
                 let Some(members) = self.split(part, low, MIN_HALF)? else { continue };
                 let halves = self.lay_both(part, &members)?;
-                if worst_fault(&halves) < least {
-                    least = worst_fault(&halves);
+                let worse = halves[0].faults.worse().max(halves[1].faults.worse());
+                if worse < least && halves.iter().all(|half| half.kind == Kind::Sheet) {
+                    least = worse;
                     best = Some(halves);
                 }
             }
@@ -406,91 +333,4 @@ fn marked(members: &[u32], is_marked: &[bool]) -> Vec<u32> {
 /// The members that are not in `taken` (ascending).
 fn without(members: &[u32], taken: &[u32]) -> Vec<u32> {
     members.iter().copied().filter(|p| taken.binary_search(p).is_err()).collect()
-}
-
-/// No arm.
-const NO_ARM: usize = usize::MAX;
-
-/// The arms of a sheet, grown from their tips back by the points in the order of `along`: components of its
-/// superlevel sets.
-struct Arms {
-    /// The coordinate that tips have most of.
-    along: Vec<f64>,
-    /// How far behind its tip an arm must meet another at the least.
-    length: f64,
-    /// Points it must have by then.
-    least: usize,
-    arm_of: Vec<usize>,
-    /// Points of each, its tip first; none once it met another.
-    members: Vec<Vec<usize>>,
-    /// Of all arms that met, the one that leaves the most even parts, and the points of the smaller part.
-    best: Option<Vec<usize>>,
-    evenness: usize,
-}
-
-impl Arms {
-    fn new(along: Vec<f64>, length: f64, least: usize) -> Self {
-        let arm_of = vec![NO_ARM; along.len()];
-        Self { along, length, least, arm_of, members: Vec::new(), best: None, evenness: 0 }
-    }
-
-    /// Of two arms that meet no less than `length` behind the tip of the shorter one, with `least` points or more each,
-    /// the one that leaves the more even parts.
-    fn grown(mut self, surface: &Surface, cancel: &dyn Cancel) -> Result<Option<Vec<usize>>, Cancelled> {
-        let mut order: Vec<usize> = (0..self.along.len()).collect();
-        order.sort_by(|&a, &b| self.along[b].total_cmp(&self.along[a]));
-        for p in order {
-            cancel.check()?;
-            let met = self.met_by(surface, p);
-            let own = met.first().copied().unwrap_or(self.members.len());
-            if met.is_empty() {
-                self.members.push(Vec::new());
-            }
-            for &shorter in met.iter().skip(1) {
-                self.join(shorter, own, p);
-            }
-            self.arm_of[p] = own;
-            self.members[own].push(p);
-        }
-        Ok(self.best)
-    }
-
-    /// The arms that a point touches, the one with the farthest tip first.
-    fn met_by(&self, surface: &Surface, p: usize) -> Vec<usize> {
-        let mut met = Vec::new();
-        for &n in &surface.adjacency[p] {
-            let arm = self.arm_of[n as usize];
-            let is_linked = (surface.positions[n as usize] - surface.positions[p]).norm() < LINK;
-            if is_linked && arm != NO_ARM {
-                met.push(arm);
-            }
-        }
-        met.sort_by(|&a, &b| self.tip(b).total_cmp(&self.tip(a)).then(a.cmp(&b)));
-        met.dedup();
-        met
-    }
-
-    /// Where an arm ends.
-    fn tip(&self, arm: usize) -> f64 {
-        self.along[self.members[arm][0]]
-    }
-
-    /// Two arms meet at a point and become one.
-    fn join(&mut self, shorter: usize, longer: usize, p: usize) {
-        let length = self.tip(shorter) - self.along[p];
-        let met = std::mem::take(&mut self.members[shorter]);
-        if length >= self.length && met.len().min(self.members[longer].len()) >= self.least {
-            for arm in [&met, &self.members[longer]] {
-                let smaller = smaller_part(arm, self.along.len());
-                if smaller > self.evenness {
-                    self.evenness = smaller;
-                    self.best = Some(arm.clone());
-                }
-            }
-        }
-        for &q in &met {
-            self.arm_of[q] = longer;
-        }
-        self.members[longer].extend(met);
-    }
 }

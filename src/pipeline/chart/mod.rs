@@ -6,19 +6,43 @@
 //! 2. a lattice is laid over that, less its margin, and slid in turn;
 //! 3. its corners are opened.
 
+mod arc;
+
+mod corners;
+
+mod harmonic;
+
+mod patch;
+
+mod slide;
+
 use nalgebra::Point2;
 
-use super::Lattice;
-use super::corners::Ends;
-use super::patch::Patch;
-use super::slide::{equal_shares, evenly_spaced};
+pub use self::corners::Ends;
+use self::patch::Patch;
+use self::slide::{equal_shares, evenly_spaced};
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::{LatticeSize, ring};
+use crate::numerics::stats::percentile;
 use crate::params::LatticeKind;
 use crate::pipeline::plane::region::Region;
 
 /// Size of the lattice that spaces the patch. With fewer nodes it cuts off bends; with more it takes longer to slide.
 const EVEN: LatticeSize = LatticeSize { rows: 25, cols: 49 };
+
+/// Nodes of a lattice in the plane, row-major.
+#[derive(Clone, Debug)]
+pub struct Lattice {
+    /// Its size.
+    pub size: LatticeSize,
+    /// Plane coordinates, voxels.
+    pub nodes: Vec<Point2<f64>>,
+    /// Whether the node lies inside the outline.
+    pub valid: Vec<bool>,
+    /// For every node of the edge, in the order of [`ring`], the place on the sheet's rim that it
+    /// looks out to: along the lines of the lattice for a fitted one, its own for a regular one.
+    pub rim: Vec<Point2<f64>>,
+}
 
 /// A region with the lines that its lattices follow.
 #[derive(Clone, Debug)]
@@ -87,13 +111,27 @@ impl Chart {
     ///
     /// # Errors
     /// When it is cancelled.
-    pub(super) fn fine(&self, cancel: &dyn Cancel) -> Result<Lattice, Cancelled> {
+    pub(crate) fn fine(&self, cancel: &dyn Cancel) -> Result<Lattice, Cancelled> {
         match &self.lines {
             Lines::Regular(_) => self.lattice(EVEN, 0.0, cancel),
             Lines::Fitted { inner, .. } => {
                 let nodes = inner.places(&equal_shares(EVEN, 0.0));
                 let rim = ring(EVEN).into_iter().map(|n| nodes[n]).collect();
                 Ok(self.checked(EVEN, nodes, rim))
+            }
+        }
+    }
+
+    /// Sine below which a quarter of the angles lie at which its lines cross: 1 is a grid of squares. Lines that must run
+    /// round a bend of the region, into an arm or a notch, cross at small angles all the way.
+    #[must_use]
+    pub(crate) fn squareness(&self) -> f64 {
+        match &self.lines {
+            Lines::Regular(_) => 1.0,
+            Lines::Fitted { inner, .. } => {
+                let mut sines = sines(EVEN, &inner.places(&equal_shares(EVEN, 0.0)));
+                sines.sort_by(f64::total_cmp);
+                percentile(&sines, 25).unwrap_or(1.0)
             }
         }
     }
@@ -113,6 +151,22 @@ fn fitted(region: &Region, ends: Ends, inset: f64, cancel: &dyn Cancel) -> Resul
     push_to_rim(EVEN, &mut even);
     let outer = Patch::of_nodes(EVEN.rows, EVEN.cols, &patch.places(&even));
     Ok(Some(Lines::Fitted { inner, outer, ends }))
+}
+
+/// Sines of the angles at the corners of all cells of a lattice, negative where a cell is turned over there.
+fn sines(LatticeSize { rows, cols }: LatticeSize, nodes: &[Point2<f64>]) -> Vec<f64> {
+    let mut sines = Vec::with_capacity(4 * rows * cols);
+    for i in 0..rows - 1 {
+        for j in 0..cols - 1 {
+            let n = i * cols + j;
+            let cell = [nodes[n], nodes[n + 1], nodes[n + 1 + cols], nodes[n + cols]];
+            for k in 0..4 {
+                let [on, back] = [cell[(k + 1) % 4] - cell[k], cell[(k + 3) % 4] - cell[k]];
+                sines.push(on.perp(&back) / (on.norm() * back.norm()).max(f64::MIN_POSITIVE));
+            }
+        }
+    }
+    sines
 }
 
 /// The paper's rectangle: the bounding box of the region less the margin.
