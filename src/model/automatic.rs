@@ -44,4 +44,22 @@ pub struct Automatic {
     pub length_mm: f64,
     /// Its shorter side.
     pub width_mm: f64,
+    /// What speaks for its kind.
+    #[serde(default)]
+    pub kind: Option<KindEvidence>,
+}
+
+/// What speaks for the kind of a figure.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct KindEvidence {
+    /// Width of the main medial sheet over its mean radius; none where it has no lattice.
+    pub width_in_radii: Option<f64>,
+    /// Median over sections of the radius of the circle of their area over the inscribed radius: 1 is round.
+    pub flatness: f64,
+    /// Share of the sections with several wall curves.
+    pub split_share: f64,
+    /// Length over twice the median radius.
+    pub elongation: f64,
+    /// Dice of what the sheets fill with the mask; none where there are none.
+    pub sheet_overlap: Option<f64>,
 }

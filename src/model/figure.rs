@@ -8,6 +8,7 @@ use super::lattice::{LatticeSize, ring};
 use super::quality::{FigureQuality, NodeRepair};
 use super::shell::{Flanks, Shell};
 use super::side::{PerSurface, Side};
+use super::tube::Tube;
 use super::uncertainty::Uncertainty;
 use crate::space::{ParamPoint, WorldPoint, WorldVector};
 
@@ -17,6 +18,8 @@ use crate::space::{ParamPoint, WorldPoint, WorldVector};
 pub enum Figure {
     /// A single medial sheet with its two sides.
     Sheet(Sheet),
+    /// A centreline with the wall round it.
+    Tube(Tube),
 }
 
 /// One single sheet and its two sides, sampled on an N × M lattice (sections 2.3 to 4 of the paper).
@@ -80,6 +83,7 @@ impl Figure {
     pub fn grid(&self) -> LatticeSize {
         match self {
             Self::Sheet(sheet) => sheet.grid,
+            Self::Tube(tube) => tube.grid,
         }
     }
 
@@ -88,6 +92,34 @@ impl Figure {
     pub fn as_sheet(&self) -> Option<&Sheet> {
         match self {
             Self::Sheet(sheet) => Some(sheet),
+            Self::Tube(_) => None,
+        }
+    }
+
+    /// The tube that it is.
+    #[must_use]
+    pub fn as_tube(&self) -> Option<&Tube> {
+        match self {
+            Self::Sheet(_) => None,
+            Self::Tube(tube) => Some(tube),
+        }
+    }
+
+    /// Which part of the structure it belongs to.
+    #[must_use]
+    pub fn part(&self) -> usize {
+        match self {
+            Self::Sheet(sheet) => sheet.part,
+            Self::Tube(tube) => tube.part,
+        }
+    }
+
+    /// How good it is.
+    #[must_use]
+    pub fn quality(&self) -> &FigureQuality {
+        match self {
+            Self::Sheet(sheet) => &sheet.quality,
+            Self::Tube(tube) => &tube.quality,
         }
     }
 }

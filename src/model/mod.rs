@@ -28,11 +28,18 @@ mod closed;
 
 mod patches;
 
+mod tube;
+
+mod tube_patches;
+
+mod body;
+
 mod structure;
 
 mod summary;
 
-pub use automatic::{Automatic, GridFrom};
+pub use automatic::{Automatic, GridFrom, KindEvidence};
+pub use body::{Body, FigurePatches};
 pub use closed::closed;
 pub use figure::{Figure, FlatPoints, Sheet};
 pub use frame::{FrameFacts, FrameRule};
@@ -50,5 +57,7 @@ pub use side::{PerSurface, Side};
 pub use stage::{Stage, StageTimings};
 pub use structure::{Junction, LabelPart, Model, Pruning, Structure};
 pub use summary::{LengthSummary, ThicknessSummary, node_areas};
+pub use tube::{Tube, TubeSection, TubeShell, TubeSummary, WallSummary, WallUncertainty, opposite_sums};
+pub use tube_patches::TubePatches;
 pub use uncertainty::Uncertainty;
 pub use warning::Warning;

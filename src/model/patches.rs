@@ -15,11 +15,11 @@ use crate::numerics::triangles::self_intersections;
 
 /// Pieces that the longer side of a lattice is cut into at the least: bends of organs are round with them. With 36 the
 /// overlap of 14 organs is 0.001 more on average, with 72 no more than that.
-const PIECES: usize = 24;
+pub(super) const PIECES: usize = 24;
 /// Pieces of one step at the most.
-const MOST: usize = 6;
+pub(super) const MOST: usize = 6;
 /// What bends are multiplied with, in turn, until the closed surface does not run through itself.
-const BENDS: [f64; 4] = [1.0, 0.7, 0.4, 0.0];
+pub(super) const BENDS: [f64; 4] = [1.0, 0.7, 0.4, 0.0];
 
 /// A finer lattice through the nodes of another.
 #[derive(Clone, Debug)]
@@ -106,7 +106,7 @@ impl Patches {
 }
 
 /// A node, and whether it lies on the sheet.
-type Knot = (Point3<f64>, bool);
+pub(super) type Knot = (Point3<f64>, bool);
 
 /// Puts nodes between those of a lattice.
 struct Refiner<'a> {
@@ -171,19 +171,24 @@ impl Refiner<'_> {
 
     /// The knots of a line and those between them.
     fn line(&self, knots: &[Knot]) -> Vec<Knot> {
-        let slopes = slopes(knots);
-        let mut fine = Vec::with_capacity(knots.len() * self.cuts);
-        for n in 1..knots.len() {
-            let [(from, here), (to, next)] = [knots[n - 1], knots[n]];
-            fine.push((from, here));
-            for cut in 1..self.cuts {
-                let share = cut as f64 / self.cuts as f64;
-                fine.push((hermite([from, to], [slopes[n - 1], slopes[n]], share, self.bend), here && next));
-            }
-        }
-        fine.extend(knots.last());
-        fine
+        refined(knots, self.cuts, self.bend)
     }
+}
+
+/// The knots of a line and those between them, `cuts` pieces to a step.
+pub(super) fn refined(knots: &[Knot], cuts: usize, bend: f64) -> Vec<Knot> {
+    let slopes = slopes(knots);
+    let mut fine = Vec::with_capacity(knots.len() * cuts);
+    for n in 1..knots.len() {
+        let [(from, here), (to, next)] = [knots[n - 1], knots[n]];
+        fine.push((from, here));
+        for cut in 1..cuts {
+            let share = cut as f64 / cuts as f64;
+            fine.push((hermite([from, to], [slopes[n - 1], slopes[n]], share, bend), here && next));
+        }
+    }
+    fine.extend(knots.last());
+    fine
 }
 
 /// Slopes of a line at its knots, per step.

@@ -191,6 +191,9 @@ pub struct FigureQuality {
     pub folded_centres: usize,
     /// Crest wedges with a wrong corner or centre, at the edge node that comes first in the [`ring`](super::ring).
     pub folded_wedges: Vec<LatticePlace>,
+    /// Wedges of a tube with a wrong corner, by their first row and column.
+    #[serde(default)]
+    pub folded_prisms: Vec<[usize; 2]>,
     /// What was repaired.
     pub repair: Repair,
     /// Pairs of triangles of the closed surface that run through each other; none without a

@@ -68,6 +68,9 @@ pub enum Refusal {
         /// Largest inscribed radius.
         radius_mm: f64,
     },
+    /// Its cross-sections have several curves: it forks, or has a hole.
+    #[error("the object is no tube: many of its cross-sections are in several pieces")]
+    NoTube,
     /// The sheet has one side only (a Möbius band).
     #[error("the medial sheet has only one side: {conflicts} of its {links} links turn it over")]
     NotOrientable {
@@ -140,12 +143,13 @@ pub enum Refusal {
 
 /// The codes that speak of the object's shape, not of the file it came in: all but those of [`Refusal::LabelMissing`],
 /// [`Refusal::EmptyMask`], [`Refusal::Background`] and [`Refusal::IntensityImage`].
-pub const SHAPE_CODES: [&str; 10] = [
+pub const SHAPE_CODES: [&str; 11] = [
     "too_thin",
     "hollow_object",
     "too_small",
     "shape_is_a_ball",
     "shape_is_a_tube",
+    "shape_is_no_tube",
     "not_orientable",
     "sheet_has_holes",
     "too_many_points",
@@ -165,6 +169,7 @@ impl Refusal {
             Self::TooSmall { .. } => "too_small",
             Self::Ball { .. } => "shape_is_a_ball",
             Self::Tube { .. } => "shape_is_a_tube",
+            Self::NoTube => "shape_is_no_tube",
             Self::NotOrientable { .. } => "not_orientable",
             Self::SheetHasHoles { .. } => "sheet_has_holes",
             Self::TooManyPoints { .. } => "too_many_points",
@@ -190,8 +195,11 @@ impl Refusal {
             }
             Self::TooThin { .. } => "send a finer mask".to_owned(),
             Self::TooSmall { .. } => "send a finer mask or a larger object, or set a smaller resolution_mm".to_owned(),
-            Self::Ball { .. } => "a ball has no medial sheet: measure it by its radius".to_owned(),
-            Self::Tube { .. } => "a tube has a medial curve, not a sheet: use a centreline tool".to_owned(),
+            Self::Ball { .. } => "a ball has no medial sheet: let tubes be made (kinds), it is one of two caps".to_owned(),
+            Self::Tube { .. } => {
+                "a tube has a medial curve, not a sheet: let tubes be made (kinds); one that forks has no answer yet".to_owned()
+            }
+            Self::NoTube => "leave kinds at \"auto\", or let sheets be made too".to_owned(),
             Self::NotOrientable { .. } => "check the segmentation for a bridge that turns the object over".to_owned(),
             Self::SheetHasHoles { .. } => {
                 "fill the holes in the segmentation if they are errors; a ring has no lattice unless it is cut open"

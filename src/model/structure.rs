@@ -7,6 +7,7 @@ use super::meshes::TriangleMesh;
 use super::quality::{Coverage, StructureQuality};
 use super::refusal::Refusal;
 use super::stage::StageTimings;
+use super::tube::Tube;
 use super::warning::Warning;
 use crate::params::CheckedParams;
 use crate::space::{WorldFromVoxel, WorldPoint};
@@ -105,6 +106,11 @@ impl Structure {
     /// Its sheets, in the order of the figures.
     pub fn sheets(&self) -> impl Iterator<Item = &Sheet> {
         self.figures.iter().filter_map(Figure::as_sheet)
+    }
+
+    /// Its tubes, in the order of the figures.
+    pub fn tubes(&self) -> impl Iterator<Item = &Tube> {
+        self.figures.iter().filter_map(Figure::as_tube)
     }
 
     /// The sheets of a part.

@@ -8,6 +8,7 @@ use super::quality::NodeRepair;
 use super::shell::{Shell, quad_area};
 use super::side::Side;
 use super::structure::Structure;
+use super::tube::Tube;
 use crate::numerics::stats::Weighted;
 
 /// Area-weighted statistics of a length, mm.
@@ -25,24 +26,35 @@ pub struct LengthSummary {
     pub p95: f64,
 }
 
-/// Thickness over a medial sheet, or over several, but for nodes that repair spoilt; a length is `None` without any area.
+/// Thickness over one figure, or over several, but for nodes that repair spoilt; a length is `None` without any area.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThicknessSummary {
     /// Length of the upper vectors.
     pub upper_mm: Option<LengthSummary>,
     /// Length of the lower vectors.
     pub lower_mm: Option<LengthSummary>,
-    /// Their sum.
+    /// Their sum; of tubes that of a vector and the one opposite.
     pub total_mm: Option<LengthSummary>,
-    /// Area of the medial sheets, mm².
+    /// Length of the vectors to the walls of tubes.
+    pub wall_mm: Option<LengthSummary>,
+    /// Area of the medial sheets, and half of that of the walls of tubes, mm².
     pub area_mm2: f64,
+}
+
+impl LengthSummary {
+    /// Of so many times the length.
+    #[must_use]
+    pub fn scaled(self, by: f64) -> Self {
+        let [mean, sd, p5, p50, p95] = [self.mean, self.sd, self.p5, self.p50, self.p95].map(|length| length * by);
+        Self { mean, sd, p5, p50, p95 }
+    }
 }
 
 impl Sheet {
     /// Thickness over the sheet.
     #[must_use]
     pub fn thickness_summary(&self) -> ThicknessSummary {
-        thickness_summary(std::iter::once(self))
+        thickness_summary(std::iter::once(self), std::iter::empty())
     }
 
     /// Whether repair spoilt a node, so that its vectors are no lengths of the organ.
@@ -59,20 +71,23 @@ impl Sheet {
 }
 
 impl Structure {
-    /// Thickness over all sheets.
+    /// Thickness over all figures.
     #[must_use]
     pub fn thickness_summary(&self) -> ThicknessSummary {
-        thickness_summary(self.sheets())
+        thickness_summary(self.sheets(), self.tubes())
     }
 
-    /// Thickness over the sheets of a part.
+    /// Thickness over the figures of a part.
     #[must_use]
     pub fn part_thickness(&self, part: usize) -> ThicknessSummary {
-        thickness_summary(self.sheets_of_part(part))
+        thickness_summary(self.sheets_of_part(part), self.tubes().filter(|tube| tube.part == part))
     }
 }
 
-fn thickness_summary<'a>(sheets: impl Iterator<Item = &'a Sheet>) -> ThicknessSummary {
+fn thickness_summary<'a>(
+    sheets: impl Iterator<Item = &'a Sheet>,
+    tubes: impl Iterator<Item = &'a Tube>,
+) -> ThicknessSummary {
     let mut weighted: [Vec<(f64, f64)>; 3] = Default::default();
     for sheet in sheets {
         let [upper, lower] = Side::BOTH.map(|side| sheet.lengths_mm(side));
@@ -83,9 +98,20 @@ fn thickness_summary<'a>(sheets: impl Iterator<Item = &'a Sheet>) -> ThicknessSu
             }
         }
     }
+    let mut walls = Vec::new();
+    for tube in tubes {
+        let (lengths, totals) = (tube.lengths_mm(), tube.total_mm());
+        for (node, area) in tube.node_areas_mm2().into_iter().enumerate() {
+            if area > 0.0 && totals[node].is_finite() && !tube.is_marred(node) {
+                // A sheet has its area once, and a surface on either side.
+                walls.push((lengths[node], area / 2.0));
+                weighted[2].push((totals[node], area / 2.0));
+            }
+        }
+    }
     let area_mm2 = weighted[2].iter().map(|(_, weight)| weight).sum();
     let [upper_mm, lower_mm, total_mm] = weighted.map(length_summary);
-    ThicknessSummary { upper_mm, lower_mm, total_mm, area_mm2 }
+    ThicknessSummary { upper_mm, lower_mm, total_mm, wall_mm: length_summary(walls), area_mm2 }
 }
 
 /// The area of the medial lattice round each node: a quarter of each adjacent quad.
@@ -100,7 +126,7 @@ pub fn node_areas(shell: Shell<'_>) -> Vec<f64> {
 }
 
 /// From pairs of a length and its weight; `None` without any.
-fn length_summary(weighted: Vec<(f64, f64)>) -> Option<LengthSummary> {
+pub(super) fn length_summary(weighted: Vec<(f64, f64)>) -> Option<LengthSummary> {
     let lengths = Weighted::new(weighted)?;
     let [p5, p50, p95] = [0.05, 0.5, 0.95].map(|share| lengths.percentile(share));
     Some(LengthSummary { mean: lengths.mean(), sd: lengths.deviation(), p5, p50, p95 })

@@ -2,6 +2,8 @@
 
 use nalgebra::SVector;
 
+use super::field::floor_index;
+
 /// Points joined by straight pieces, and the length up to each.
 #[derive(Clone, Debug)]
 pub struct Polyline<const D: usize> {
@@ -109,6 +111,29 @@ impl<const D: usize> Polyline<D> {
     fn piece_length(&self, piece: usize) -> f64 {
         (self.reached[piece + 1] - self.reached[piece]).max(1e-12)
     }
+}
+
+/// Share of the points of some lines that lie near the chords between so many nodes, equally far apart from one end of each
+/// to the other.
+#[must_use]
+pub fn share_within<const D: usize>(lines: &[&Polyline<D>], nodes: usize, tolerance: f64) -> f64 {
+    let (mut near, mut all) = (0usize, 0usize);
+    for line in lines {
+        let knots = line.evenly(nodes, nodes - 1);
+        for (n, p) in line.points().iter().enumerate() {
+            let share = line.reached(n) / line.length().max(f64::MIN_POSITIVE);
+            let chord = floor_index(share * (nodes - 1) as f64).min(nodes - 2);
+            all += 1;
+            near += usize::from(from_line(*p, knots[chord], knots[chord + 1]) <= tolerance);
+        }
+    }
+    near as f64 / all.max(1) as f64
+}
+
+/// Distance of a point from the line through two others, from the first where they are one.
+fn from_line<const D: usize>(p: SVector<f64, D>, a: SVector<f64, D>, b: SVector<f64, D>) -> f64 {
+    let along = (b - a).try_normalize(1e-12).unwrap_or_else(SVector::zeros);
+    (p - a - along * (p - a).dot(&along)).norm()
 }
 
 #[cfg(test)]

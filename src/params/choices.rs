@@ -63,6 +63,37 @@ pub enum Prune {
     Strength(f64),
 }
 
+/// Which kinds of figures may be made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kinds {
+    /// That which suits the solid.
+    Auto,
+    /// These alone: where both may be, that which suits the solid.
+    These {
+        /// Sheets, as in the paper.
+        sheet: bool,
+        /// Tubes.
+        tube: bool,
+    },
+}
+
+impl Kinds {
+    /// The names of the kinds.
+    pub const NAMES: [&'static str; 2] = ["sheet", "tube"];
+
+    /// Whether sheets may be made.
+    #[must_use]
+    pub fn may_be_sheets(self) -> bool {
+        !matches!(self, Self::These { sheet: false, .. })
+    }
+
+    /// Whether tubes may be made.
+    #[must_use]
+    pub fn may_be_tubes(self) -> bool {
+        !matches!(self, Self::These { tube: false, .. })
+    }
+}
+
 /// The manifold learning that lays a sheet flat: the three that the paper names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Embedding {

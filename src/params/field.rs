@@ -3,7 +3,9 @@
 
 use std::collections::BTreeMap;
 
-use super::choices::{ARTIFACT_NAMES, Correspondence, Embedding, GridChoice, Landmarks, LatticeKind, Neighbors, Prune};
+use super::choices::{
+    ARTIFACT_NAMES, Correspondence, Embedding, GridChoice, Kinds, Landmarks, LatticeKind, Neighbors, Prune,
+};
 use super::given::Given;
 use super::shape::label_of;
 
@@ -175,6 +177,24 @@ impl Field for Correspondence {
 
     fn read(given: &Given) -> Option<Self> {
         Self::ALL.into_iter().find(|pairing| given.as_text() == Some(pairing.name()))
+    }
+}
+
+impl Field for Kinds {
+    fn given(&self) -> Given {
+        match *self {
+            Self::Auto => Given::text("auto"),
+            Self::These { sheet, tube } => {
+                let named = Self::NAMES.into_iter().zip([sheet, tube]).filter(|(_, is_in)| *is_in);
+                Given::List(named.map(|(name, _)| Given::text(name)).collect())
+            }
+        }
+    }
+
+    fn read(given: &Given) -> Option<Self> {
+        let Given::List(entries) = given else { return Some(Self::Auto) };
+        let has = |name: &str| entries.iter().any(|entry| entry.as_text() == Some(name));
+        Some(Self::These { sheet: has(Self::NAMES[0]), tube: has(Self::NAMES[1]) })
     }
 }
 

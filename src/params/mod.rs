@@ -18,7 +18,9 @@ mod table;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-pub use choices::{ARTIFACT_NAMES, Correspondence, Embedding, GridChoice, Landmarks, LatticeKind, Neighbors, Prune};
+pub use choices::{
+    ARTIFACT_NAMES, Correspondence, Embedding, GridChoice, Kinds, Landmarks, LatticeKind, Neighbors, Prune,
+};
 pub use given::Given;
 pub(crate) use given::echo;
 pub use shape::{Shape, phrase};
@@ -56,6 +58,8 @@ pub struct Params {
     pub uncertainty: usize,
     /// How a sheet is laid flat.
     pub embedding: Embedding,
+    /// Which kinds of figures may be made.
+    pub kinds: Kinds,
     /// Names of labels. Checked ones have no space around them.
     pub names: BTreeMap<i64, String>,
     /// Which of [`ARTIFACT_NAMES`] to make. Checked ones are in that order.
@@ -78,6 +82,7 @@ impl Default for Params {
             resolution_mm: None,
             uncertainty: 0,
             embedding: Embedding::Isomap,
+            kinds: Kinds::Auto,
             names: BTreeMap::new(),
             outputs: ARTIFACT_NAMES.to_vec(),
         }

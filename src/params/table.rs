@@ -3,7 +3,7 @@
 use std::fmt;
 use std::ops::RangeInclusive;
 
-use super::choices::{ARTIFACT_NAMES, Correspondence, Embedding, LatticeKind};
+use super::choices::{ARTIFACT_NAMES, Correspondence, Embedding, Kinds, LatticeKind};
 use super::field::Field;
 use super::given::Given;
 use super::shape::{self, Shape};
@@ -144,6 +144,12 @@ pub static PARAMS: &[Param] = &[
         [Shape::Words(&Embedding::NAMES)],
         "The manifold learning that lays a sheet flat (in paper mode its two sides too): ISOMAP, locally linear \
          embedding (of up to 20 neighbours) or Laplacian eigenmaps, all on the same graph."
+    ),
+    param!(
+        kinds,
+        [Shape::Words(&["auto"]), Shape::List { of: &Shape::Words(&Kinds::NAMES), lengths: 1..=Kinds::NAMES.len() }],
+        "Which kinds of figures may be made. sheet: a medial sheet with its two sides, as in the paper. tube: a \
+         centreline with the wall round it. \"auto\" takes the one that suits the solid."
     ),
     param!(
         names,

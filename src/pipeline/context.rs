@@ -45,6 +45,13 @@ pub struct Notes {
     running: Option<(Stage, Part)>,
 }
 
+impl Notes {
+    /// The time alone, of what was not used.
+    pub(super) fn without_warnings(self) -> Self {
+        Self { warnings: Vec::new(), ..self }
+    }
+}
+
 /// A stage that is gone through once for each of several sheets is done in parts.
 #[derive(Clone, Copy, Debug)]
 pub struct Part {
@@ -83,6 +90,11 @@ impl<'a> Context<'a> {
     pub(super) fn of_part(&self, part: usize) -> Context<'a> {
         let own = Context::new(self.params, self.observer, self.structure, self.structures);
         Context { repeat: self.repeat, part, ..own }
+    }
+
+    /// The context of an attempt; what is noted there is taken in with [`Self::take_in`], if it is wanted.
+    pub(super) fn apart(&self) -> Context<'a> {
+        self.of_part(self.part)
     }
 
     /// In a repeat, the lattice size of the figure of this number that it repeats.

@@ -1,11 +1,95 @@
 //! A figure on its way through the stages, in work space.
 
+use nalgebra::Point3;
+
 use super::plane::Flat;
 use super::plane::tangents::PlaneDistortion;
+use super::tubes::TubeDraft;
+use super::tubes::legality::legality as tubes_legality;
 use super::vectors::Nodes;
-use crate::model::{Automatic, FrameFacts, PerSurface, Repair};
+use super::vectors::legality::legality as sheets_legality;
+use crate::model::{Automatic, Body, FrameFacts, PerSurface, Repair};
 
-/// Its nodes and its flattened surfaces.
+/// A figure of any kind.
+#[derive(Clone, Copy, Debug)]
+pub enum AnyDraft<'a> {
+    /// A sheet.
+    Sheet(&'a Draft),
+    /// A tube.
+    Tube(&'a TubeDraft),
+}
+
+impl<'a> AnyDraft<'a> {
+    /// What its nodes enclose.
+    #[must_use]
+    pub fn body(self) -> Body<'a> {
+        match self {
+            Self::Sheet(draft) => Body::Sheet((&draft.nodes).into()),
+            Self::Tube(draft) => Body::Tube(draft.into()),
+        }
+    }
+
+    /// Its thickness vectors, each with its ends.
+    #[must_use]
+    pub fn vectors(self) -> Vec<[Point3<f64>; 2]> {
+        let mut vectors = Vec::new();
+        match self {
+            Self::Sheet(Draft { nodes, .. }) => {
+                for node in (0..nodes.medial.len()).filter(|&node| nodes.valid[node]) {
+                    vectors.push([nodes.medial[node], nodes.upper[node]]);
+                    vectors.push([nodes.medial[node], nodes.lower[node]]);
+                }
+            }
+            Self::Tube(TubeDraft { nodes, .. }) => {
+                for (node, wall) in nodes.wall.iter().enumerate() {
+                    vectors.push([nodes.centres[node % nodes.size.cols], *wall]);
+                }
+            }
+        }
+        vectors
+    }
+
+    /// Corners of its parts that are turned over.
+    #[must_use]
+    pub fn folds(self) -> usize {
+        match self {
+            Self::Sheet(draft) => {
+                let legality = sheets_legality((&draft.nodes).into());
+                legality.folds + legality.parts.len()
+            }
+            Self::Tube(draft) => tubes_legality(&draft.nodes).folds,
+        }
+    }
+
+    /// What was repaired.
+    #[must_use]
+    pub fn repair(self) -> &'a Repair {
+        match self {
+            Self::Sheet(draft) => &draft.repair,
+            Self::Tube(draft) => &draft.repair,
+        }
+    }
+
+    /// What was chosen for it.
+    #[must_use]
+    pub fn choices(self) -> &'a Automatic {
+        match self {
+            Self::Sheet(draft) => &draft.choices,
+            Self::Tube(draft) => &draft.choices,
+        }
+    }
+
+    /// Inscribed radii at its nodes.
+    #[must_use]
+    pub fn radii(self) -> &'a [f64] {
+        match self {
+            Self::Sheet(draft) => &draft.nodes.radii,
+            Self::Tube(draft) => &draft.radii,
+        }
+    }
+}
+
+/// The nodes and flattened surfaces of a sheet.
 #[derive(Clone, Debug)]
 pub struct Draft {
     /// Nodes of its lattices.

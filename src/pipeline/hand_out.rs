@@ -3,15 +3,15 @@
 use nalgebra::{Point2, Point3};
 
 use super::draft::Draft;
-use super::medial::MedialSurface;
 use super::plane::Flat;
 use super::quality::Measured;
 use super::quality::measures::FlatQuads;
 use super::sheets::Sheets;
 use super::sides::SheetSides;
 use super::solid::Solid;
-use super::stages::Worked;
-use crate::model::{Figure, FigureQuality, Flanks, FlatPoints, Junction, PerSurface, Sheet, Structure};
+use super::stages::{Figures, Worked};
+use super::tubes::{Fork, TubeDraft};
+use crate::model::{Figure, FigureQuality, Flanks, FlatPoints, Junction, PerSurface, Sheet, Structure, Tube};
 use crate::space::ParamPoint;
 
 /// Writes the figures of a structure, part by part, their junctions and qualities into it.
@@ -20,21 +20,32 @@ pub(super) fn hand_out(parts: Vec<Worked>, measured: Measured, structure: &mut S
     structure.quality = measured.structure;
     for worked in parts {
         let before = structure.figures.len();
-        for (sheet, draft) in worked.sides.iter().zip(&worked.drafts) {
-            let Some(draft) = draft else { continue };
-            let quality = of_figures.next().unwrap_or_default();
-            let sheet = Sheet { part: worked.part, ..figure(&worked.solid, sheet, draft, quality) };
-            structure.figures.push(Figure::Sheet(sheet));
+        match &worked.figures {
+            Figures::Sheets { sides, drafts, .. } => {
+                for (sheet, draft) in sides.iter().zip(drafts) {
+                    let Some(draft) = draft else { continue };
+                    let quality = of_figures.next().unwrap_or_default();
+                    let sheet = Sheet { part: worked.part, ..sheet_figure(&worked.solid, sheet, draft, quality) };
+                    structure.figures.push(Figure::Sheet(sheet));
+                }
+            }
+            Figures::Tubes(tubes) => {
+                for draft in &tubes.drafts {
+                    let quality = of_figures.next().unwrap_or_default();
+                    let parent = draft.parent.map(|parent| parent + before);
+                    let tube = Tube { part: worked.part, parent, ..tube_figure(&worked.solid, draft, quality) };
+                    structure.figures.push(Figure::Tube(tube));
+                }
+            }
         }
         let part = &mut structure.parts[worked.part];
         part.figures = (before..structure.figures.len()).collect();
         (part.kept_share, part.coverage) = of_parts.next().unwrap_or_default();
-        let hinges = junctions(&worked.solid, &worked.surface, &worked.sheets, &worked.drafts);
-        for Junction { figures, points } in hinges {
+        for Junction { figures, points } in junctions(&worked) {
             let figures = figures.into_iter().map(|figure| figure + before).collect();
             structure.junctions.push(Junction { figures, points });
         }
-        structure.pruning.pruned += worked.sheets.pruned;
+        structure.pruning.pruned += worked.figures.pruned();
     }
 }
 
@@ -42,8 +53,29 @@ fn in_mm(points: &[Point2<f64>], voxel_mm: f64) -> Vec<ParamPoint> {
     points.iter().map(|p| ParamPoint::from(p.coords * voxel_mm)).collect()
 }
 
-/// A finished figure in the world.
-fn figure(solid: &Solid, sheet: &SheetSides, draft: &Draft, quality: FigureQuality) -> Sheet {
+/// A finished tube in the world.
+fn tube_figure(solid: &Solid, draft: &TubeDraft, quality: FigureQuality) -> Tube {
+    let (nodes, mm) = (&draft.nodes, solid.unit_mm);
+    Tube {
+        grid: nodes.size,
+        centreline: solid.in_world(&nodes.centres),
+        wall: solid.in_world(&nodes.wall),
+        tips: nodes.tips.map(|tip| solid.world_from_work.point(tip)),
+        caps: nodes.caps,
+        repaired: draft.repaired.clone(),
+        medial_radius_mm: draft.radii.iter().map(|r| r * mm).collect(),
+        intrinsic: in_mm(&draft.intrinsic, mm),
+        quality,
+        frame: draft.frame.clone(),
+        automatic: draft.choices.clone(),
+        uncertainty: None,
+        part: 0,
+        parent: None,
+    }
+}
+
+/// A finished sheet in the world.
+fn sheet_figure(solid: &Solid, sheet: &SheetSides, draft: &Draft, quality: FigureQuality) -> Sheet {
     let Draft { nodes, flat, frame, choices, .. } = draft;
     let mm = solid.unit_mm;
     Sheet {
@@ -86,8 +118,23 @@ fn flat_points(solid: &Solid, positions: &[Point3<f64>], flat: &Flat) -> FlatPoi
     FlatPoints { positions: solid.in_world(positions), flat: in_mm(&flat.points, solid.unit_mm) }
 }
 
-/// Hinges between the figures that were kept.
-fn junctions(solid: &Solid, surface: &MedialSurface, sheets: &Sheets, drafts: &[Option<Draft>]) -> Vec<Junction> {
+/// Where the figures that were kept meet.
+fn junctions(worked: &Worked) -> Vec<Junction> {
+    match &worked.figures {
+        Figures::Sheets { sheets, drafts, .. } => hinges(worked, sheets, drafts),
+        Figures::Tubes(tubes) => forks(&worked.solid, &tubes.forks),
+    }
+}
+
+/// Where tubes meet.
+fn forks(solid: &Solid, forks: &[Fork]) -> Vec<Junction> {
+    let junction = |fork: &Fork| Junction { figures: fork.tubes.clone(), points: solid.in_world(&fork.places) };
+    forks.iter().map(junction).collect()
+}
+
+/// Hinges between the sheets that were kept.
+fn hinges(worked: &Worked, sheets: &Sheets, drafts: &[Option<Draft>]) -> Vec<Junction> {
+    let (solid, surface) = (&worked.solid, &worked.surface);
     let mut number = Vec::new();
     for draft in drafts {
         number.push(draft.is_some().then(|| number.iter().flatten().count()));

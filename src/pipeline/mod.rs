@@ -30,6 +30,8 @@ pub mod lattice;
 
 pub mod vectors;
 
+pub mod tubes;
+
 pub mod draft;
 
 pub mod quality;
@@ -37,6 +39,8 @@ pub mod quality;
 mod hand_out;
 
 mod stages;
+
+mod choice;
 
 mod repeats;
 

@@ -11,7 +11,7 @@ use super::observer::Muted;
 use super::solid::cut_out::Label;
 use super::stages::stages;
 use crate::cancel::Cancelled;
-use crate::model::{Figure, LatticeSize, Sheet, Side, Structure, Uncertainty};
+use crate::model::{Figure, LatticeSize, Sheet, Side, Structure, Tube, Uncertainty, WallUncertainty, opposite_sums};
 use crate::numerics::stats::deviation;
 use crate::space::{LabelVolume, WorldPoint};
 
@@ -38,17 +38,25 @@ pub(super) fn add_uncertainty(
     let all = repeated(volume, label, context, (blank, &sizes))?;
     let within_mm = SAME_WITHIN * structure.working_voxel_mm;
     for (number, figure) in structure.figures.iter_mut().enumerate() {
-        let Figure::Sheet(sheet) = figure;
-        let mut found = Vec::new();
-        for others in all.iter().filter(|others| others.len() == figures) {
-            found.extend(counterpart(sheet, others, within_mm));
-        }
-        if 2 * found.len() < repeats {
-            let matched = found.len();
+        let others: Vec<&Vec<Figure>> = all.iter().filter(|others| others.len() == figures).collect();
+        let matched = match figure {
+            Figure::Sheet(sheet) => {
+                let found: Vec<Lengths> =
+                    others.iter().filter_map(|others| counterpart(sheet, others, within_mm)).collect();
+                sheet.uncertainty = Some(uncertainty(repeats, &found, sheet.medial.len()));
+                found.len()
+            }
+            Figure::Tube(tube) => {
+                let found: Vec<Vec<f64>> =
+                    others.iter().filter_map(|others| tube_counterpart(tube, others, within_mm)).collect();
+                tube.uncertainty = Some(wall_uncertainty(repeats, &found, tube.grid));
+                found.len()
+            }
+        };
+        if 2 * matched < repeats {
             let message = format!("figure {number} was found again in {matched} of {repeats} repeats only");
             context.warn("uncertainty_unmatched", message);
         }
-        sheet.uncertainty = Some(uncertainty(repeats, &found, sheet.medial.len()));
     }
     Ok(())
 }
@@ -100,6 +108,51 @@ fn uncertainty(repeats: usize, found: &[Lengths], nodes: usize) -> Uncertainty {
         result.total_mm.push(deviation(&total));
     }
     result
+}
+
+/// The spread of the lengths that the tube's counterparts have.
+fn wall_uncertainty(repeats: usize, found: &[Vec<f64>], grid: LatticeSize) -> WallUncertainty {
+    let mut result = WallUncertainty { repeats, matched: found.len(), ..WallUncertainty::default() };
+    let totals: Vec<Vec<f64>> = found.iter().map(|lengths| opposite_sums(lengths, grid)).collect();
+    for n in 0..grid.rows * grid.cols {
+        let of_node = |all: &[Vec<f64>]| deviation(&all.iter().map(|lengths| lengths[n]).collect::<Vec<_>>());
+        result.wall_mm.push(of_node(found));
+        result.total_mm.push(of_node(&totals));
+    }
+    result
+}
+
+/// The lengths that the tube's counterpart in a repeat has, in the tube's own order of nodes: it may run the other way,
+/// and its seam may lie elsewhere.
+fn tube_counterpart(tube: &Tube, others: &[Figure], within_mm: f64) -> Option<Vec<f64>> {
+    let mut nearest: Option<(f64, Vec<f64>)> = None;
+    for other in others.iter().filter_map(Figure::as_tube).filter(|other| other.grid == tube.grid) {
+        let lengths = other.lengths_mm();
+        for order in turned_orders(tube.grid) {
+            let distance_mm = distance(&tube.wall, &other.wall, &order);
+            if nearest.as_ref().is_none_or(|nearest| distance_mm < nearest.0) {
+                nearest = Some((distance_mm, order.iter().map(|&n| lengths[n]).collect()));
+            }
+        }
+    }
+    nearest.filter(|nearest| nearest.0 <= within_mm).map(|nearest| nearest.1)
+}
+
+/// The orders of the nodes of a tube that runs either way, its seam in any row.
+fn turned_orders(LatticeSize { rows, cols }: LatticeSize) -> Vec<Vec<usize>> {
+    let mut orders = Vec::new();
+    for is_reversed in [false, true] {
+        for first in 0..rows {
+            let mut order = Vec::with_capacity(rows * cols);
+            for n in 0..rows * cols {
+                let (row, col) = (n / cols, n % cols);
+                let [row, col] = if is_reversed { [first + rows - row, cols - 1 - col] } else { [first + row, col] };
+                order.push(row % rows * cols + col);
+            }
+            orders.push(order);
+        }
+    }
+    orders
 }
 
 /// Lengths of the vectors to both sides, one per node, mm.

@@ -9,7 +9,7 @@
 //!     │ isomap ───── plane/    each laid flat, and cut where it cannot be
 //!     │ sides ────── sides/    the skin labelled upper, lower and crest
 //!     │ ┌ isomap ─── plane/    in its frame, with its sides
-//!     │ │ lattice ── lattice/  a lattice over it
+//!     │ │ lattice ── lattice/  a lattice over it; of what has no sheet, the wall of a tube (tubes/)
 //!     │ └ spokes ─── vectors/  back in space, with vectors to both sides      (for each sheet)
 //!     ▼ quality ──── quality/  legality, fit to the label as it was sent, verdict    (for all parts together)
 //! figures, in work space; hand_out.rs brings them to the world
@@ -18,9 +18,10 @@
 //! The boxes are those of the paper's figure 2, but for the last. Each stage is a function of what came before it and the
 //! [`Context`]; where it leaves the paper, the head of its folder says why.
 
+use super::choice::figures;
 use super::context::{Context, Part};
 use super::cutting::laid_flat;
-use super::draft::Draft;
+use super::draft::{AnyDraft, Draft};
 use super::hand_out::hand_out;
 use super::lattice::lattices;
 use super::medial::{MedialSurface, medial_surface};
@@ -33,6 +34,7 @@ use super::solid::cut_out::{Label, refuse_background};
 use super::solid::depth::{Depth, depth};
 use super::solid::parts::{Sent, SentPart};
 use super::solid::{Masked, Solid, masked};
+use super::tubes::Tubes;
 use super::vectors::rim::shares::{Share, Shares};
 use super::vectors::vectors;
 use super::{PipelineError, plane::Flat};
@@ -47,9 +49,33 @@ pub(super) struct Worked {
     pub changes: Changes,
     pub depth: Depth,
     pub surface: MedialSurface,
-    pub sheets: Sheets,
-    pub sides: Vec<SheetSides>,
-    pub drafts: Vec<Option<Draft>>,
+    pub figures: Figures,
+}
+
+/// The figures of a part.
+pub(super) enum Figures {
+    /// Its sheets, each with its figure if it has one.
+    Sheets { sheets: Sheets, sides: Vec<SheetSides>, drafts: Vec<Option<Draft>> },
+    /// All of it are tubes.
+    Tubes(Tubes),
+}
+
+impl Figures {
+    /// In their order.
+    pub fn drafts(&self) -> Vec<AnyDraft<'_>> {
+        match self {
+            Self::Sheets { drafts, .. } => drafts.iter().flatten().map(AnyDraft::Sheet).collect(),
+            Self::Tubes(tubes) => tubes.drafts.iter().map(AnyDraft::Tube).collect(),
+        }
+    }
+
+    /// How many sheets were pruned.
+    pub fn pruned(&self) -> usize {
+        match self {
+            Self::Sheets { sheets, .. } => sheets.pruned,
+            Self::Tubes(_) => 0,
+        }
+    }
 }
 
 impl<'a> From<&'a Worked> for Answered<'a> {
@@ -59,8 +85,8 @@ impl<'a> From<&'a Worked> for Answered<'a> {
             solid: &worked.solid,
             depth: &worked.depth,
             changes: &worked.changes,
-            drafts: worked.drafts.iter().flatten().collect(),
-            pruned: worked.sheets.pruned,
+            drafts: worked.figures.drafts(),
+            pruned: worked.figures.pruned(),
         }
     }
 }
@@ -151,11 +177,25 @@ fn worked(
     // From here on lengths count in grains.
     let grain = solid.voxels_per_grain;
     let (solid, depth, surface) = (solid.in_units(grain), depth.in_units(grain), surface.in_units(grain));
-    let sheets = context.stage(Stage::Sheets, || sheets(&surface, &solid, &depth, context))?;
-    let laid = context.stage(Stage::Isomap, || laid_flat(&surface, sheets, &solid, context))?;
-    let sides = context.stage(Stage::Sides, || sides(&solid, &depth, &surface, &laid.sheets, context))?;
-    let drafts = drafts(&solid, &depth, &sides, laid.flat, context)?;
-    Ok(Worked { part: number, solid, changes, depth, surface, sheets: laid.sheets, sides, drafts })
+    let figures = figures(&solid, &depth, &surface, context)?;
+    Ok(Worked { part: number, solid, changes, depth, surface, figures })
+}
+
+/// The sheets of a solid.
+///
+/// # Errors
+/// When its main sheet has no figure; when it is cancelled.
+pub(super) fn sheet_figures(
+    solid: &Solid,
+    depth: &Depth,
+    surface: &MedialSurface,
+    context: &Context<'_>,
+) -> Result<Figures, PipelineError> {
+    let sheets = context.stage(Stage::Sheets, || sheets(surface, solid, depth, context))?;
+    let laid = context.stage(Stage::Isomap, || laid_flat(surface, sheets, solid, context))?;
+    let sides = context.stage(Stage::Sides, || sides(solid, depth, surface, &laid.sheets, context))?;
+    let drafts = drafts(solid, depth, &sides, laid.flat, context)?;
+    Ok(Figures::Sheets { sheets: laid.sheets, sides, drafts })
 }
 
 /// The figure of every sheet. A secondary sheet that has none is left out with a warning; without the main

@@ -170,7 +170,7 @@ fn uncertainty_is_written_when_it_was_asked_for() {
     let mut model = model();
     model.params = Params { uncertainty: 2, ..Params::default() }.check().unwrap();
     let spread = |sd: Option<f64>| vec![sd; 48];
-    let medialrep::model::Figure::Sheet(sheet) = &mut model.structures[0].figures[0];
+    let medialrep::model::Figure::Sheet(sheet) = &mut model.structures[0].figures[0] else { panic!("a sheet") };
     sheet.uncertainty = Some(Uncertainty {
         repeats: 2,
         matched: 2,
@@ -235,7 +235,7 @@ fn quality_has_its_names_per_figure_and_per_structure() {
     let distortion = ["area_sd", "area_max_log", "angle_mean_deg", "angle_max_deg"];
     assert_eq!(keys(&structure["quality"]["distortion"]), distortion);
     assert_eq!(keys(&structure["quality"]["medial_offset"]), ["mean", "p95"]);
-    assert_eq!(keys(&structure["thickness_summary"]), ["upper_mm", "lower_mm", "total_mm", "area_mm2"]);
+    assert_eq!(keys(&structure["thickness_summary"]), ["upper_mm", "lower_mm", "total_mm", "wall_mm", "area_mm2"]);
     assert_eq!(structure["figures"][0]["thickness_summary"]["lower_mm"]["p95"], json!(2.0));
     assert_eq!(keys(&structure["thickness_summary"]["total_mm"]), ["mean", "sd", "p5", "p50", "p95"]);
     // A refused structure has no sheet to take a mean over.

@@ -194,7 +194,30 @@ fn structure(structure: &Value) -> Value {
         "pruned": quality["pruned_sheets"],
         "dice": short(&quality["dice"]),
         "covered_share": short(&quality["covered_share"]),
-        "figures": list(&structure["figures"]).iter().map(figure).collect::<Value>(),
+        "figures": list(&structure["figures"]).iter().map(any_figure).collect::<Value>(),
+    })
+}
+
+fn any_figure(value: &Value) -> Value {
+    if value["kind"] == json!("tube") { tube(value) } else { figure(value) }
+}
+
+fn tube(figure: &Value) -> Value {
+    let (quality, summary) = (&figure["quality"], &figure["tube_summary"]);
+    let (rows, cols) = (count(&figure["grid"]["rows"]), count(&figure["grid"]["cols"]));
+    let middle = cols / 2;
+    json!({
+        "kind": "tube",
+        "grid": [rows, cols],
+        "caps": figure["caps"]["columns"],
+        "thickness_mm": [short(&figure["thickness_summary"]["total_mm"]["mean"]), short(&summary["length_mm"])],
+        "area_mm2": short(&figure["thickness_summary"]["area_mm2"]),
+        "shortened": quality["shortened_nodes"],
+        "folds": quality["folds"],
+        "self_intersections": quality["self_intersections"],
+        "dice": short(&quality["dice"]),
+        "medial": positions(&figure["centreline"], &[0, middle, cols - 1]),
+        "wall": positions(&figure["wall"], &[0, middle, rows / 2 * cols + middle, rows * cols - 1]),
     })
 }
 

@@ -69,6 +69,7 @@ mod pipeline_folds;
 
 mod pipeline_paper;
 
+mod pipeline_tubes;
 mod pipeline_uncertainty;
 
 mod pipeline_quality;

@@ -169,7 +169,7 @@ fn strap() -> LabelVolume {
 #[test]
 fn repair_keeps_nodes_in_the_solid_and_apart_and_says_how_many_it_spoilt() {
     let volume = strap();
-    let model = run_with(&volume, r#"{"grid":{"rows":6,"cols":8}}"#).expect("an answer");
+    let model = run_with(&volume, r#"{"grid":{"rows":6,"cols":8},"kinds":["sheet"]}"#).expect("an answer");
     let figure = model.structures[0].sheets().next().expect("a sheet");
     for node in &figure.medial {
         // Voxels are cubes of 1 mm from the origin on: a node is within one of the voxel that it lies in.

@@ -12,7 +12,7 @@ use crate::pipeline_quality::boxed;
 const FOLDING: [(&str, &str); 3] = [
     ("ellipsoid", r#"{"grid":{"rows":30,"cols":50},"margin":0,"correspondence":"paper","neighbors":{"k":4}}"#),
     ("cross", r#"{"grid":{"rows":24,"cols":40},"margin":0,"correspondence":"paper","prune":0}"#),
-    ("bent", r#"{"grid":{"rows":20,"cols":30},"margin":0,"neighbors":{"k":4}}"#),
+    ("bent", r#"{"grid":{"rows":20,"cols":30},"margin":0,"neighbors":{"k":4},"kinds":["sheet"]}"#),
 ];
 
 /// What a structure says of its folds is what its nodes have, and the verdict follows from it. Returns the

@@ -9,7 +9,7 @@ use medialrep::params::{GridChoice, Landmarks, LatticeKind, Neighbors, Params, P
 use medialrep::pipeline::observer::Observer;
 use medialrep::pipeline::{PipelineError, run};
 
-use crate::help::phantoms::{check_invariants, drift, first_sheet, model_of, painted, params, run_of, volume};
+use crate::help::phantoms::{check_invariants, drift, first_sheet, model_of, painted, params, run_of, sheets, volume};
 
 fn check_refused(volume: &medialrep::space::LabelVolume, params: Params, code: &str) {
     match run_of(volume, params) {
@@ -23,12 +23,12 @@ fn check_refused(volume: &medialrep::space::LabelVolume, params: Params, code: &
 
 #[test]
 fn a_ball_has_no_sheet() {
-    check_refused(&volume("ball"), params(), "shape_is_a_ball");
+    check_refused(&volume("ball"), sheets(), "shape_is_a_ball");
 }
 
 #[test]
 fn a_tube_has_no_sheet() {
-    check_refused(&volume("tube"), params(), "shape_is_a_tube");
+    check_refused(&volume("tube"), sheets(), "shape_is_a_tube");
 }
 
 #[test]
@@ -44,7 +44,7 @@ fn a_mask_thinner_than_two_voxels_names_a_resolution() {
 #[test]
 fn a_speck_is_a_ball() {
     let speck = painted([12, 12, 12], [1.0; 3], |at| u16::from(at.iter().all(|x| (4..8).contains(x))));
-    check_refused(&speck, params(), "shape_is_a_ball");
+    check_refused(&speck, sheets(), "shape_is_a_ball");
 }
 
 #[test]
@@ -105,7 +105,7 @@ fn an_image_of_intensities_is_refused_by_name() {
     // As many labels, each of a block, are a label map: what is refused is their shape.
     let block = |[i, j, k]: [usize; 3]| (1 + i / 4 + 10 * (j / 4) + 80 * (k / 4)) as i64;
     let atlas = medialrep::space::LabelVolume::from_fn([40, 32, 12], [1.0; 3], block).expect("a box");
-    check_refused(&atlas, params(), "shape_is_a_ball");
+    check_refused(&atlas, sheets(), "shape_is_a_ball");
 }
 
 #[test]
@@ -126,7 +126,7 @@ fn one_refused_structure_does_not_spoil_the_others() {
         d.iter().map(|x| x * x).sum::<f64>() <= 100.0
     };
     let both = painted([50, 60, 30], [1.0; 3], |at| if slab(at) { 1 } else { 2 * u16::from(ball(at)) });
-    let model = model_of(&both, params());
+    let model = model_of(&both, sheets());
     check_invariants(&model);
     assert!(model.structures[0].refusal.is_none() && model.structures[0].figures.len() == 1);
     assert_eq!(model.structures[1].refusal.as_ref().map(|r| r.code()), Some("shape_is_a_ball"));

@@ -5,7 +5,7 @@ use medialrep::params::Params;
 use medialrep::pipeline::PipelineError;
 use medialrep::space::LabelVolume;
 
-use crate::help::phantoms::{check_invariants, model_of, painted, params, run_of};
+use crate::help::phantoms::{check_invariants, model_of, painted, params, run_of, sheets};
 use crate::measure::damage::{rows, to_markdown};
 
 type Voxel = [usize; 3];
@@ -76,7 +76,8 @@ fn the_uncertainty_of_a_pair_is_that_of_each() {
 #[test]
 fn a_part_that_is_refused_is_named_and_counts() {
     let ball = |at| from_place(at, [68.0, 20.0, 11.0]) <= 9.0;
-    let both = structure_of([90, 56, 24], |at| in_box(at, [6; 3], [46, 36, 15]) || ball(at));
+    let both = mask([90, 56, 24], |at| in_box(at, [6; 3], [46, 36, 15]) || ball(at));
+    let both = model_of(&both, sheets()).structures.remove(0);
     assert_eq!((both.components(), both.figures.len()), (1, 1));
     assert!(both.refusal.is_none() && has_warning(&both, "part_refused"));
     assert_eq!(both.parts[1].refusal.as_ref().map(|refusal| refusal.code()), Some("shape_is_a_ball"));

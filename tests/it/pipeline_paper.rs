@@ -5,12 +5,12 @@ use medialrep::params::{Correspondence, Params};
 use medialrep::pipeline::PipelineError;
 use medialrep::samples;
 
-use crate::help::phantoms::{check_invariants, params, plain, run_of, sample};
+use crate::help::phantoms::{check_invariants, plain, run_of, sample, sheets};
 use crate::measure::accuracy::vector_errors;
 use crate::pipeline_folds::check_folds_are_told;
 
 fn paper(name: &str) -> Result<Model, PipelineError> {
-    run_of(&plain(name), Params { correspondence: Correspondence::Paper, ..params() })
+    run_of(&plain(name), Params { correspondence: Correspondence::Paper, ..sheets() })
 }
 
 /// Mean and largest relative error of the inner vectors of a sample's only structure.

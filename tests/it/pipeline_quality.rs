@@ -8,7 +8,7 @@ use medialrep::model::{
     StructureQuality, Verdict,
 };
 use medialrep::params::Params;
-use medialrep::pipeline::draft::Draft;
+use medialrep::pipeline::draft::{AnyDraft, Draft};
 use medialrep::pipeline::quality::measures::FlatQuads;
 use medialrep::pipeline::quality::verdict::{Places, judge};
 use medialrep::pipeline::quality::{Answered, figure_quality, quality};
@@ -83,7 +83,7 @@ fn a_structure_weighs_its_figures_by_area_and_leaves_invalid_nodes_out() {
     assert!((mean(structure.thickness_summary().upper_mm) - expected).abs() < 1e-12);
     // A corner taken out takes its quad along.
     structure.figures.truncate(1);
-    let Figure::Sheet(sheet) = &mut structure.figures[0];
+    let Figure::Sheet(sheet) = &mut structure.figures[0] else { panic!("a sheet") };
     sheet.valid[0] = false;
     assert_eq!(structure.thickness_summary().area_mm2, 54.0 - 3.0);
     structure.figures.clear();
@@ -169,8 +169,14 @@ pub fn boxed(change: impl FnOnce(&mut Nodes)) -> (StructureQuality, FigureQualit
     change(&mut nodes);
     nodes.straighten_arcs();
     let (changes, draft) = (Changes::default(), drafted(nodes));
-    let answered =
-        Answered { part: 0, solid: &solid, depth: &depth, changes: &changes, drafts: vec![&draft], pruned: 0 };
+    let answered = Answered {
+        part: 0,
+        solid: &solid,
+        depth: &depth,
+        changes: &changes,
+        drafts: vec![AnyDraft::Sheet(&draft)],
+        pruned: 0,
+    };
     let mut measured = quality(&sent, &[answered], &context(&params)).unwrap();
     (measured.structure, measured.figures.remove(0))
 }

@@ -6,10 +6,11 @@ use medialrep::pipeline::PipelineError;
 use medialrep::space::{LabelVolume, significant};
 use nalgebra::Rotation3;
 
-use crate::help::phantoms::{first_sheet, model_of, painted, params, run_of, sample, turned, volume};
+use crate::help::phantoms::{first_sheet, model_of, painted, params, run_of, sample, sheets, turned, volume};
 
+/// Why it has no sheet.
 fn refusal_of(volume: &LabelVolume) -> Refusal {
-    refusal_with(volume, params())
+    refusal_with(volume, sheets())
 }
 
 fn refusal_with(volume: &LabelVolume, params: Params) -> Refusal {

@@ -10,14 +10,16 @@ use super::gltf::{Gltf, Material, Mesh, Mode};
 use super::rounded::round;
 use crate::cancel::Never;
 use crate::model::{
-    Figure, LatticeSize, Model, Patches, Sheet, Side, Structure, SurfaceMesh, TriangleMesh, closed, normals,
+    Body, Figure, FigurePatches, LatticeSize, Model, Sheet, Side, Structure, SurfaceMesh, TriangleMesh, Tube, normals,
 };
+use crate::numerics::field::id;
 use crate::space::WorldPoint;
 
 const MEDIAL: Material = Material { name: "medial", color: [1.0, 1.0, 1.0, 1.0] };
 const SIDE: Material = Material { name: "side", color: [1.0, 1.0, 1.0, 0.45] };
 const CREST: Material = Material { name: "crest", color: [0.75, 0.75, 0.75, 0.45] };
 const VECTORS: Material = Material { name: "vectors", color: [0.08, 0.08, 0.08, 1.0] };
+const CENTRELINE: Material = Material { name: "centreline", color: [0.08, 0.08, 0.08, 1.0] };
 const CLOSED: Material = Material { name: "closed", color: [0.75, 0.75, 0.75, 0.12] };
 const OBJECT: Material = Material { name: "object", color: [0.85, 0.80, 0.75, 0.25] };
 
@@ -47,10 +49,10 @@ pub fn write(model: &Model, out: impl Write) -> io::Result<()> {
     gltf.write(root, out)
 }
 
-/// The closed surface of the smooth patches through a figure's nodes.
-fn smooth_closed(sheet: &Sheet) -> Option<TriangleMesh> {
-    let (patches, _) = Patches::of(sheet.into(), &Never).ok()?;
-    closed((&patches).into())
+/// The closed surface of the smooth surfaces through a figure's nodes.
+fn smooth_closed(body: Body<'_>) -> Option<TriangleMesh> {
+    let (patches, _) = FigurePatches::of(body, &Never).ok()?;
+    patches.body().closed()
 }
 
 fn fields(value: Value) -> Map<String, Value> {
@@ -67,12 +69,14 @@ fn add_structure(gltf: &mut Gltf, index: usize, structure: &Structure) -> usize 
     let ranges = Ranges::of(structure);
     let mut children = Vec::new();
     for (number, figure) in structure.figures.iter().enumerate() {
-        let Figure::Sheet(sheet) = figure;
-        let mut parts = add_sheet(gltf, sheet, &ranges);
-        let closed = smooth_closed(sheet).and_then(|mesh| solid_mesh("closed", &mesh, CLOSED));
-        let extras = json!({"structure": index, "label": structure.label, "figure": number,
-            "rows": sheet.grid.rows, "cols": sheet.grid.cols,
-            "has_closed_surface": closed.is_some()});
+        let (mut parts, body, kind) = match figure {
+            Figure::Sheet(sheet) => (add_sheet(gltf, sheet, &ranges), Body::Sheet(sheet.into()), "sheet"),
+            Figure::Tube(tube) => (add_tube(gltf, tube, &ranges), Body::Tube(tube.into()), "tube"),
+        };
+        let closed = smooth_closed(body).and_then(|mesh| solid_mesh("closed", &mesh, CLOSED));
+        let LatticeSize { rows, cols } = figure.grid();
+        let extras = json!({"structure": index, "label": structure.label, "figure": number, "kind": kind,
+            "rows": rows, "cols": cols, "has_closed_surface": closed.is_some()});
         parts.extend(closed.map(|mesh| gltf.mesh_node(&mesh, json!({"kind": "closed"}))));
         children.push(gltf.node(fields(json!({"name": format!("figure {number}"), "extras": extras})), &parts));
     }
@@ -102,6 +106,9 @@ impl Ranges {
                 sides.extend(drawn(sheet.lengths_mm(side)));
             }
             totals.extend(drawn(sheet.total_mm()));
+        }
+        for tube in structure.tubes() {
+            sides.extend(tube.lengths_mm().into_iter().filter(|length| length.is_finite()));
         }
         Self { side: range(&sides), total: range(&totals) }
     }
@@ -144,6 +151,51 @@ fn add_sheet(gltf: &mut Gltf, sheet: &Sheet, ranges: &Ranges) -> Vec<usize> {
         nodes.push(gltf.mesh_node(&mesh, json!({"kind": "vectors"})));
     }
     nodes
+}
+
+/// Centreline, wall and vectors of a tube.
+fn add_tube(gltf: &mut Gltf, tube: &Tube, ranges: &Ranges) -> Vec<usize> {
+    let mut nodes = Vec::new();
+    if tube.centreline.iter().all(|p| p.iter().all(|x| x.is_finite())) {
+        let mesh = centreline_mesh(tube);
+        nodes.push(gltf.mesh_node(&mesh, json!({"kind": "centreline"})));
+    }
+    let Some(surface) = tube.wall_mesh() else { return nodes };
+    let thickness_mm = tube.lengths_mm();
+    let mut wall = colored(plain("wall", Mode::Triangles, SIDE), &surface, tube.grid, &thickness_mm, ranges.side);
+    // The first row comes again at the end, once round.
+    let LatticeSize { rows, cols } = tube.grid;
+    let mut places = Vec::with_capacity(surface.nodes.len());
+    for corner in 0..surface.nodes.len() {
+        let along = (corner % cols) as f64 / (cols - 1).max(1) as f64;
+        places.push([single(along), single((corner / cols) as f64 / rows as f64)]);
+    }
+    wall.texture_coordinates = Some(places);
+    let extras = json!({"kind": "wall", "color_range_mm": ranges.side.map(round)});
+    nodes.push(gltf.mesh_node(&wall, extras));
+    let mut vectors = plain("vectors", Mode::Lines, VECTORS);
+    for (from, to) in tube.medial().iter().zip(&tube.wall) {
+        let first = id(vectors.positions.len());
+        vectors.positions.extend([vertex(from), vertex(to)]);
+        vectors.indices.extend([first, first + 1]);
+    }
+    nodes.push(gltf.mesh_node(&vectors, json!({"kind": "vectors"})));
+    nodes
+}
+
+/// The centreline from tip to tip.
+fn centreline_mesh(tube: &Tube) -> Mesh {
+    let mut mesh = plain("centreline", Mode::Lines, CENTRELINE);
+    let mut points = vec![tube.tips[0]];
+    points.extend(&tube.centreline);
+    points.push(tube.tips[1]);
+    // Those of a cap are one.
+    points.dedup();
+    mesh.positions = points.iter().map(vertex).collect();
+    for n in 1..id(points.len()) {
+        mesh.indices.extend([n - 1, n]);
+    }
+    mesh
 }
 
 /// A mesh with the corners, normals and triangles of a surface.

@@ -5,7 +5,7 @@ use std::fmt;
 use std::io::{self, Write};
 
 use super::rounded::round;
-use crate::model::{Figure, Model, Sheet, Side};
+use crate::model::{Figure, Model, Sheet, Side, Tube};
 
 /// One row per node and side: where it is, its vector, its thickness; and the standard deviation of
 /// the thickness when it was asked for.
@@ -21,6 +21,7 @@ pub fn write_thickness(model: &Model, mut out: impl Write) -> io::Result<()> {
             let prefix = format!("{s},{},{f}", structure.label);
             match figure {
                 Figure::Sheet(sheet) => write_nodes(&mut out, &prefix, sheet, has_spread)?,
+                Figure::Tube(tube) => write_wall(&mut out, &prefix, tube, has_spread)?,
             }
         }
     }
@@ -44,6 +45,22 @@ fn write_nodes(out: &mut impl Write, prefix: &str, sheet: &Sheet, has_spread: bo
     Ok(())
 }
 
+/// The rows of a tube, whose one side is `wall`.
+fn write_wall(out: &mut impl Write, prefix: &str, tube: &Tube, has_spread: bool) -> io::Result<()> {
+    let (medial, vectors) = (tube.medial(), tube.vectors());
+    for (node, (at, vector)) in medial.iter().zip(vectors).enumerate() {
+        let (i, j) = (node / tube.grid.cols, node % tube.grid.cols);
+        let cells = Cells([at.x, at.y, at.z, vector.x, vector.y, vector.z, vector.norm()]);
+        write!(out, "{prefix},{i},{j},wall,{cells},true")?;
+        if has_spread {
+            let spread = tube.uncertainty.as_ref().and_then(|found| found.wall_mm[node]);
+            write!(out, ",{}", Cells([spread.unwrap_or(f64::NAN)]))?;
+        }
+        writeln!(out)?;
+    }
+    Ok(())
+}
+
 /// Standard deviation of the thickness at a node.
 fn deviation_mm(sheet: &Sheet, side: Side, node: usize) -> Option<f64> {
     let found = sheet.uncertainty.as_ref()?;
@@ -63,6 +80,7 @@ pub fn write_points(model: &Model, mut out: impl Write) -> io::Result<()> {
         for (f, figure) in structure.figures.iter().enumerate() {
             match figure {
                 Figure::Sheet(sheet) => write_surfaces(&mut out, &format!("{s},{f}"), sheet)?,
+                Figure::Tube(tube) => write_wall_points(&mut out, &format!("{s},{f}"), tube)?,
             }
         }
     }
@@ -75,6 +93,14 @@ fn write_surfaces(out: &mut impl Write, prefix: &str, sheet: &Sheet) -> io::Resu
             let cells = Cells([at.x, at.y, at.z, flat.x, flat.y]);
             writeln!(out, "{prefix},{surface},{cells}")?;
         }
+    }
+    Ok(())
+}
+
+/// The wall nodes of a tube, rolled out.
+fn write_wall_points(out: &mut impl Write, prefix: &str, tube: &Tube) -> io::Result<()> {
+    for (at, flat) in tube.wall.iter().zip(&tube.intrinsic) {
+        writeln!(out, "{prefix},wall,{}", Cells([at.x, at.y, at.z, flat.x, flat.y]))?;
     }
     Ok(())
 }

@@ -12,21 +12,21 @@ use super::LEAST_SIZE;
 use crate::cancel::Cancelled;
 use crate::model::LatticeSize;
 use crate::numerics::field::floor_index;
-use crate::numerics::polyline::Polyline;
+use crate::numerics::polyline::{Polyline, share_within};
 use crate::pipeline::chart::Chart;
 use crate::pipeline::context::Context;
 use crate::pipeline::lattice::map::SpaceFromPlane;
 use crate::pipeline::plane::strip::SheetPoints;
 
 /// How far a chord may lie from the surface, voxels: half of one is what the mask says of its boundary.
-const TOLERANCE: f64 = 0.25;
+pub(in crate::pipeline) const TOLERANCE: f64 = 0.25;
 /// Share of the places that must be within it: at corners the fits that the fine lattice is made of are rough.
-const WITHIN: f64 = 0.95;
+pub(in crate::pipeline) const WITHIN: f64 = 0.95;
 /// Distance between nodes at the least, voxels. A fit takes points within five: nearer nodes tell the same twice.
-const LEAST_SPACING: f64 = 2.0;
+pub(in crate::pipeline) const LEAST_SPACING: f64 = 2.0;
 /// Nodes along a side at the most. Smooth organs ask for 35; one that asks for more is rough all over, and its lines are no
 /// longer those of a surface: a plate of one voxel across its stairs asks for 626.
-const MOST_NODES: usize = 64;
+pub(in crate::pipeline) const MOST_NODES: usize = 64;
 
 /// The size of the lattice for a chart.
 ///
@@ -70,29 +70,10 @@ fn fewest(lines: &[Polyline<3>], count: usize, least: usize) -> usize {
     let rim = [&lines[0], &lines[count - 1]];
     let most = (floor_index(longest / LEAST_SPACING) + 1).min(MOST_NODES);
     let mut nodes = least;
-    while nodes < most && (share_within(lines, nodes) < WITHIN || share_within(rim, nodes) < WITHIN) {
+    let follow = |lines: &[&Polyline<3>], nodes: usize| share_within(lines, nodes, TOLERANCE) >= WITHIN;
+    let all: Vec<&Polyline<3>> = lines.iter().collect();
+    while nodes < most && !(follow(&all, nodes) && follow(&rim, nodes)) {
         nodes += 1;
     }
     nodes
-}
-
-/// Share of the places on the lines that lie near the chords between so many nodes, equally far apart.
-fn share_within<'a>(lines: impl IntoIterator<Item = &'a Polyline<3>>, nodes: usize) -> f64 {
-    let (mut near, mut all) = (0usize, 0usize);
-    for line in lines {
-        let knots = line.evenly(nodes, nodes - 1);
-        for (n, p) in line.points().iter().enumerate() {
-            let share = line.reached(n) / line.length().max(f64::MIN_POSITIVE);
-            let chord = floor_index(share * (nodes - 1) as f64).min(nodes - 2);
-            all += 1;
-            near += usize::from(distance(*p, knots[chord], knots[chord + 1]) <= TOLERANCE);
-        }
-    }
-    near as f64 / all.max(1) as f64
-}
-
-/// Distance of a point from the line through two others, from the first where they are one.
-fn distance(p: Vector3<f64>, a: Vector3<f64>, b: Vector3<f64>) -> f64 {
-    let along = (b - a).try_normalize(1e-12).unwrap_or_default();
-    (p - a - along * (p - a).dot(&along)).norm()
 }

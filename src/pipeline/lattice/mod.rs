@@ -16,7 +16,7 @@ pub(crate) mod rim;
 
 pub mod map;
 
-mod chords;
+pub(in crate::pipeline) mod chords;
 
 mod size;
 

@@ -37,7 +37,7 @@ pub(super) fn automatic(
         Neighbors::Count(k) => (None, format!("{k} nearest, as asked")),
     };
     let graph_pieces = flat.map(|flat| flat.embedded.map_or(0, |embedded| embedded.pieces));
-    let facts = Automatic { neighborhood_mm, neighborhood, graph_pieces, grid_from, length_mm, width_mm };
+    let facts = Automatic { neighborhood_mm, neighborhood, graph_pieces, grid_from, length_mm, width_mm, kind: None };
     Ok((size, facts))
 }
 /// Lattice whose nodes are `spacing` apart on what the margin leaves of a rectangle.

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::skin_search::SkinSearch;
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::{LatticeSize, MeanAndP95};
+use crate::pipeline::tubes::TubeDraft;
 use crate::pipeline::vectors::Nodes;
 
 /// How far the medial nodes are from the middle: |a − b| / (a + b), with a and b the distances
@@ -36,6 +37,23 @@ pub fn medial_offset(
         }
     }
     Ok((MeanAndP95::of(offsets), worst.map(|place| looked_at[place])))
+}
+
+/// How far the centres of a tube are from the middle: what their depth lacks to the largest in their section, as a share of
+/// it, over the columns between its caps; and the column that is furthest off. A sheet's |a − b| / (a + b) is the same of
+/// its two distances.
+#[must_use]
+pub fn tube_offset(draft: &TubeDraft) -> (MeanAndP95, Option<usize>) {
+    let nodes = &draft.nodes;
+    let (mut offsets, mut worst) = (Vec::new(), None);
+    for col in nodes.caps[0]..nodes.size.cols - nodes.caps[1] {
+        let offset = 1.0 - draft.radii[col] / draft.deepest[col].max(1e-9);
+        if worst.is_none_or(|(_, largest)| offset > largest) {
+            worst = Some((col, offset));
+        }
+        offsets.push(offset);
+    }
+    (MeanAndP95::of(offsets), worst.map(|(col, _)| col))
 }
 
 /// That of one node.

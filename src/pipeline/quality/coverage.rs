@@ -100,7 +100,7 @@ impl Groups {
 /// Points of the outer surface of each figure, in the common space.
 fn samples(figures: &[Placed<'_>], cancel: &dyn Cancel) -> Result<Vec<Vec<SkinPoint>>, Cancelled> {
     let of_figure = |figure: &Placed<'_>| {
-        let mut samples = surface_samples((&figure.patches).into(), cancel)?;
+        let mut samples = surface_samples(figure.patches.body(), cancel)?;
         for sample in &mut samples {
             *sample = moved(*sample, &figure.into_common);
         }
@@ -123,7 +123,7 @@ fn grain(figures: &[Placed<'_>]) -> f64 {
     let mut radii = Vec::new();
     for figure in figures {
         let scale = figure.into_common.scale();
-        radii.extend(figure.nodes.radii.iter().map(|radius| radius * scale));
+        radii.extend(figure.draft.radii().iter().map(|radius| radius * scale));
     }
     median(radii).map_or(1.0, |median| (GRAIN * median).max(1.0))
 }

@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;
 
 use crate::cancel::{Cancel, Cancelled};
-use crate::model::{Shell, Side};
+use crate::model::{Body, Shell, Side, TubeShell};
 use crate::numerics::field::floor_index;
 use crate::space::{Grid, VoxelFromVoxel};
 
@@ -19,14 +19,14 @@ const CUTS: usize = 1 << 10;
 /// When it is cancelled.
 pub fn filled(
     dims: [usize; 3],
-    shell: Shell<'_>,
+    body: Body<'_>,
     into_grid: &VoxelFromVoxel,
     cancel: &dyn Cancel,
 ) -> Result<Grid<bool>, Cancelled> {
     /// Planes of the grid that one thread takes at a time. From 1 to 64 it takes the same time.
     const PLANES: usize = 4;
     let mut cuts = Vec::new();
-    for tetrahedra in tetrahedra(shell).chunks(CUTS) {
+    for tetrahedra in tetrahedra(body).chunks(CUTS) {
         cancel.check()?;
         for corners in tetrahedra {
             cuts.extend(Cut::of(&corners.map(|corner| into_grid.point(corner))));
@@ -57,8 +57,33 @@ fn fill(slab: &mut [bool], first: usize, dims: [usize; 3], cuts: &[Cut], cancel:
 
 type Tetrahedron = [Point3<f64>; 4];
 
-/// All cells and crest wedges, cut into tetrahedra.
-fn tetrahedra(shell: Shell<'_>) -> Vec<Tetrahedron> {
+/// All parts of a figure, cut into tetrahedra.
+fn tetrahedra(body: Body<'_>) -> Vec<Tetrahedron> {
+    match body {
+        Body::Sheet(shell) => of_sheet(shell),
+        Body::Tube(shell) => of_tube(shell),
+    }
+}
+
+/// The wedges of a tube, and those of its tips.
+fn of_tube(shell: TubeShell<'_>) -> Vec<Tetrahedron> {
+    let (cols, mut all) = (shell.size.cols, Vec::new());
+    let centre = |node: usize| shell.centres[node % cols];
+    for [a, b, c, d] in shell.quads() {
+        let wall = |n: usize| shell.wall[n];
+        all.extend(prism([centre(a), wall(a), wall(c)], [centre(b), wall(b), wall(d)]));
+    }
+    for (tip, col) in [(shell.tips[0], 0), (shell.tips[1], cols - 1)] {
+        for row in 0..shell.size.rows {
+            let [here, next] = [row, (row + 1) % shell.size.rows].map(|row| shell.wall[row * cols + col]);
+            all.push([shell.centres[col], here, next, tip]);
+        }
+    }
+    all
+}
+
+/// All cells and crest wedges of a sheet.
+fn of_sheet(shell: Shell<'_>) -> Vec<Tetrahedron> {
     let mut all = Vec::new();
     let m = shell.medial;
     for side in Side::BOTH {

@@ -3,6 +3,7 @@
 use nalgebra::{Point2, Point3};
 
 use crate::model::{Distortion, LatticeSize, Quad, Shell, quad_area};
+use crate::pipeline::tubes::wall::TubeNodes;
 use crate::pipeline::vectors::Nodes;
 
 /// Mean over lattice lines, rows and columns alike, of the coefficient of variation of their
@@ -18,6 +19,46 @@ pub fn spacing_variation(size: LatticeSize, nodes: &[Point3<f64>]) -> f64 {
         across += line_variation(&nodes[j..], cols, rows);
     }
     (along / rows as f64 + across / cols as f64) / 2.0
+}
+
+/// The same of a tube: of its closed wall lines around, and of its centreline between the end centres.
+#[must_use]
+pub fn tube_spacing(nodes: &TubeNodes) -> f64 {
+    let LatticeSize { rows, cols } = nodes.size;
+    let mut around = 0.0;
+    for col in 0..cols {
+        let mut ring = nodes.ring(col);
+        ring.push(ring[0]);
+        around += line_variation(&ring, 1, rows + 1);
+    }
+    let between = &nodes.centres[nodes.caps[0]..cols - nodes.caps[1]];
+    let along = if between.len() > 2 { line_variation(between, 1, between.len()) } else { 0.0 };
+    (around / cols as f64 + along) / 2.0
+}
+
+/// What rolling out does to the wall of a tube between its caps; `intrinsic`: lengths along and around of its nodes.
+#[must_use]
+pub fn wall_distortion(nodes: &TubeNodes, intrinsic: &[Point2<f64>]) -> Distortion {
+    let LatticeSize { rows, cols } = nodes.size;
+    let body = nodes.caps[0]..cols - nodes.caps[1];
+    let size = LatticeSize { rows: rows + 1, cols: body.len() };
+    let (mut wall, mut plane) = (Vec::new(), Vec::new());
+    for row in 0..=rows {
+        for col in body.clone() {
+            wall.push(nodes.wall_at(row, col));
+            let mut place = intrinsic[nodes.node(row, col)];
+            if row == rows {
+                // Round once: the last node's place and the way home from it.
+                let last = intrinsic[nodes.node(rows - 1, col)];
+                place.y = last.y + (nodes.wall_at(0, col) - nodes.wall_at(rows - 1, col)).norm();
+            }
+            plane.push(place);
+        }
+    }
+    let valid = vec![true; wall.len()];
+    let none: &[Point3<f64>] = &[];
+    let shell = Shell { size, medial: &wall, upper: none, lower: none, crest: none, flanks: &[], valid: &valid };
+    FlatQuads::of(shell, &plane).distortion()
 }
 
 /// Coefficient of variation of the edge lengths of a line of `count` nodes, every `step`th from the first on.

@@ -36,19 +36,22 @@ mod sums;
 
 pub mod verdict;
 
+use nalgebra::Point3;
+
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::{
-    Coverage, EmbeddingQuality, FigureQuality, LatticePlace, Patches, PerSurface, Repair, Shell, StructureQuality,
-    WorldPlace,
+    Body, Coverage, EmbeddingQuality, FigurePatches, FigureQuality, LatticePlace, PerSurface, Repair, Shell,
+    StructureQuality, WorldPlace,
 };
 use crate::pipeline::context::Context;
-use crate::pipeline::draft::Draft;
+use crate::pipeline::draft::{AnyDraft, Draft};
 use crate::pipeline::plane::Flat;
 use crate::pipeline::plane::tangents::PlaneDistortion;
-use crate::pipeline::quality::centring::medial_offset;
+use crate::pipeline::quality::centring::{medial_offset, tube_offset};
 use crate::pipeline::quality::coverage::coverage;
+use crate::pipeline::quality::fill::filled;
 use crate::pipeline::quality::kept::{kept, kept_share};
-use crate::pipeline::quality::measures::{FlatQuads, spacing_variation};
+use crate::pipeline::quality::measures::{FlatQuads, spacing_variation, tube_spacing, wall_distortion};
 use crate::pipeline::quality::outside::outside_share;
 use crate::pipeline::quality::placed::placed;
 use crate::pipeline::quality::skin_search::SkinSearch;
@@ -58,7 +61,9 @@ use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::changes::Changes;
 use crate::pipeline::solid::depth::Depth;
 use crate::pipeline::solid::parts::Sent;
+use crate::pipeline::tubes::{self, TubeDraft};
 use crate::pipeline::vectors::legality::{Illegal, Part, legality};
+use crate::space::Grid;
 
 /// A part of a label that has figures, as it is measured.
 pub struct Answered<'a> {
@@ -71,9 +76,36 @@ pub struct Answered<'a> {
     /// What the solid lost and gained.
     pub changes: &'a Changes,
     /// Its figures.
-    pub drafts: Vec<&'a Draft>,
+    pub drafts: Vec<AnyDraft<'a>>,
     /// Sheets that were pruned.
     pub pruned: usize,
+}
+
+/// Dice of what figures fill with the mask of their part, before it was resampled.
+///
+/// # Errors
+/// When it is cancelled.
+pub(in crate::pipeline) fn fill_share(
+    solid: &Solid,
+    drafts: &[AnyDraft<'_>],
+    cancel: &dyn Cancel,
+) -> Result<f64, Cancelled> {
+    let mask = &solid.native.mask;
+    let into_mask = solid.world_from_work.to(&solid.native.world_from_voxel);
+    let mut all = Grid::filled(mask.dims(), false);
+    for draft in drafts {
+        let (patches, _) = FigurePatches::of(draft.body(), cancel)?;
+        let own = filled(mask.dims(), patches.body(), &into_mask, cancel)?;
+        for (is_in, is_own) in all.as_mut_slice().iter_mut().zip(own.as_slice()) {
+            *is_in |= is_own;
+        }
+    }
+    let (mut both, mut sum) = (0usize, 0usize);
+    for (is_in, is_mask) in all.as_slice().iter().zip(mask.as_slice()) {
+        both += usize::from(*is_in && *is_mask);
+        sum += usize::from(*is_in) + usize::from(*is_mask);
+    }
+    Ok(2.0 * both as f64 / sum.max(1) as f64)
 }
 
 /// How far the figures of a structure can be trusted, and the structure itself.
@@ -127,36 +159,81 @@ pub fn quality(sent: &Sent, parts: &[Answered<'_>], context: &Context<'_>) -> Re
 /// Adds what can be said of the figures of a part without the others, and where they are worst.
 fn add_figures(
     answered: &Answered<'_>,
-    (figures, all_patches): (&mut Vec<FigureQuality>, &mut Vec<Patches>),
+    (figures, all_patches): (&mut Vec<FigureQuality>, &mut Vec<FigurePatches>),
     places: &mut Places,
     cancel: &dyn Cancel,
 ) -> Result<(), Cancelled> {
     let skin = SkinSearch::of(&answered.depth.skin, cancel)?;
     for draft in &answered.drafts {
-        let (mut quality, patches) = figure_quality(draft, cancel)?;
-        let (offset, furthest) = medial_offset(&draft.nodes, &skin, cancel)?;
+        let (mut quality, patches) = match draft {
+            AnyDraft::Sheet(draft) => figure_quality(draft, cancel)?,
+            AnyDraft::Tube(draft) => tube_quality(draft, cancel)?,
+        };
+        let (offset, furthest) = match draft {
+            AnyDraft::Sheet(draft) => medial_offset(&draft.nodes, &skin, cancel)?,
+            AnyDraft::Tube(draft) => tube_offset(draft),
+        };
         quality.medial_offset = offset;
         let place = |node: usize| WorldPlace {
             figure: Some(figures.len()),
-            position: answered.solid.world_from_work.point(draft.nodes.medial[node]),
+            position: answered.solid.world_from_work.point(medial_node(*draft, node)),
         };
         if figures.iter().all(|other| other.medial_offset.p95 < offset.p95) {
             places.offset = furthest.map(place);
         }
-        let folded = quality.folded_cells.first().or(quality.folded_wedges.first());
-        places.folded = places.folded.or(folded.map(|at| place(at.i * draft.nodes.size.cols + at.j)));
+        places.folded = places.folded.or(first_fold(&quality, *draft).map(place));
         figures.push(quality);
         all_patches.push(patches);
     }
     Ok(())
 }
 
-/// What can be said of a figure by itself: legality of its parts, evenness of its lattice, and the smooth surfaces through
+/// Where a node of the medial set lies.
+fn medial_node(draft: AnyDraft<'_>, node: usize) -> Point3<f64> {
+    match draft {
+        AnyDraft::Sheet(draft) => draft.nodes.medial[node],
+        AnyDraft::Tube(draft) => draft.nodes.centres[node % draft.nodes.size.cols],
+    }
+}
+
+/// The node of the first part that is turned over.
+fn first_fold(quality: &FigureQuality, draft: AnyDraft<'_>) -> Option<usize> {
+    match draft {
+        AnyDraft::Sheet(draft) => {
+            let at = quality.folded_cells.first().or(quality.folded_wedges.first())?;
+            Some(at.i * draft.nodes.size.cols + at.j)
+        }
+        AnyDraft::Tube(draft) => quality.folded_prisms.first().map(|[i, j]| i * draft.nodes.size.cols + j),
+    }
+}
+
+/// What can be said of a tube by itself.
+///
+/// # Errors
+/// When it is cancelled.
+fn tube_quality(draft: &TubeDraft, cancel: &dyn Cancel) -> Result<(FigureQuality, FigurePatches), Cancelled> {
+    let legality = tubes::legality::legality(&draft.nodes);
+    let (patches, self_intersections) = FigurePatches::of(Body::Tube(draft.into()), cancel)?;
+    let quality = FigureQuality {
+        folds: legality.folds,
+        corners: legality.corners,
+        folded_prisms: legality.wedges.iter().map(|wedge| [wedge.row, wedge.col]).collect(),
+        repair: draft.repair,
+        self_intersections,
+        spacing_variation: tube_spacing(&draft.nodes),
+        distortion: wall_distortion(&draft.nodes, &draft.intrinsic),
+        valid_share: 1.0,
+        ..FigureQuality::default()
+    };
+    Ok((quality, patches))
+}
+
+/// What can be said of a sheet by itself: legality of its parts, evenness of its lattice, and the smooth surfaces through
 /// its nodes. How they fit the mask is added by [`quality`].
 ///
 /// # Errors
 /// When it is cancelled.
-pub fn figure_quality(draft: &Draft, cancel: &dyn Cancel) -> Result<(FigureQuality, Patches), Cancelled> {
+pub fn figure_quality(draft: &Draft, cancel: &dyn Cancel) -> Result<(FigureQuality, FigurePatches), Cancelled> {
     let Draft { nodes, flat, distortion, repair, .. } = draft;
     let (quads, repair) = (FlatQuads::from(nodes), *repair);
     let embedding = PerSurface {
@@ -166,7 +243,7 @@ pub fn figure_quality(draft: &Draft, cancel: &dyn Cancel) -> Result<(FigureQuali
     };
     let shell = Shell::from(nodes);
     let legality = legality(shell);
-    let (patches, self_intersections) = Patches::of(shell, cancel)?;
+    let (patches, self_intersections) = FigurePatches::of(Body::Sheet(shell), cancel)?;
     let is_untouched = repair.moved_nodes + repair.marred_nodes + repair.past_foot_nodes == 0;
     let quality = FigureQuality {
         embedding,

@@ -18,21 +18,18 @@ const POINTS: usize = 11;
 /// # Errors
 /// When it is cancelled.
 pub fn outside_share(label: &Grid<bool>, figure: &Placed<'_>, cancel: &dyn Cancel) -> Result<f64, Cancelled> {
-    let nodes = figure.nodes;
-    let of_node = |node: usize| {
+    let vectors = figure.draft.vectors();
+    let of_vector = |[from, to]: &[Point3<f64>; 2]| {
         cancel.check()?;
         let mut outside = 0;
-        for end in [nodes.upper[node], nodes.lower[node]] {
-            for n in 0..POINTS {
-                let at = nodes.medial[node] + (end - nodes.medial[node]) * (n as f64 / (POINTS - 1) as f64);
-                outside += usize::from(!is_near(label, figure.into_label.point(at)));
-            }
+        for n in 0..POINTS {
+            let at = from + (to - from) * (n as f64 / (POINTS - 1) as f64);
+            outside += usize::from(!is_near(label, figure.into_label.point(at)));
         }
-        Ok(if nodes.valid[node] { outside } else { 0 })
+        Ok(outside)
     };
-    let outside: Vec<usize> = (0..nodes.medial.len()).into_par_iter().map(of_node).collect::<Result<_, Cancelled>>()?;
-    let valid = nodes.valid.iter().filter(|is_valid| **is_valid).count();
-    Ok(outside.iter().sum::<usize>() as f64 / (2 * POINTS * valid).max(1) as f64)
+    let outside: Vec<usize> = vectors.par_iter().map(of_vector).collect::<Result<_, Cancelled>>()?;
+    Ok(outside.iter().sum::<usize>() as f64 / (POINTS * vectors.len()).max(1) as f64)
 }
 
 /// Whether the voxel that a place is in, or one that touches it, is of the label.

@@ -7,7 +7,7 @@ use super::fill::filled;
 use super::owners::Owners;
 use super::placed::Placed;
 use crate::cancel::{Cancel, Cancelled};
-use crate::model::Shell;
+use crate::model::Body;
 use crate::numerics::field::centre;
 use crate::pipeline::solid::NativeMask;
 use crate::space::{Grid, VoxelFromVoxel, WorldFromVoxel};
@@ -22,10 +22,10 @@ pub enum Models {
 }
 
 impl Models {
-    fn shell<'a>(self, figure: &'a Placed<'a>) -> Shell<'a> {
+    fn body<'a>(self, figure: &'a Placed<'a>) -> Body<'a> {
         match self {
-            Self::Smooth => (&figure.patches).into(),
-            Self::Flat => figure.nodes.into(),
+            Self::Smooth => figure.patches.body(),
+            Self::Flat => figure.draft.body(),
         }
     }
 }
@@ -43,7 +43,7 @@ pub fn overlaps(
 ) -> Result<Vec<f64>, Cancelled> {
     let mut models = Vec::with_capacity(figures.len());
     for figure in figures {
-        models.push(filled(label.mask.dims(), kind.shell(figure), &figure.into_label, cancel)?);
+        models.push(filled(label.mask.dims(), kind.body(figure), &figure.into_label, cancel)?);
     }
     let into_common = label.world_from_voxel.to(common);
     let counter = Counter { mask: &label.mask, into_common, models: &models, groups, owners, cancel };

@@ -8,7 +8,12 @@ use super::samples::{bilinear, places_in};
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::Shell;
 use crate::numerics::balls::Balls;
+use crate::numerics::field::floor_index;
+use crate::pipeline::draft::AnyDraft;
 use crate::pipeline::solid::depth::SkinPoint;
+use crate::pipeline::tubes::TubeDraft;
+use crate::pipeline::vectors::Nodes;
+use crate::space::VoxelFromVoxel;
 
 /// Distance between the balls that split the mask among figures, voxels. The split moves by less than a voxel with it,
 /// and the search is the slowest part of this stage. From 1 to 6, nothing of a whole structure changes, and no distance
@@ -65,9 +70,31 @@ impl Owners {
     }
 }
 
-/// Inscribed balls all over the medial quads of a figure, their radii interpolated, in the common space.
+/// Inscribed balls all over the medial set of a figure, in the common space.
 fn balls_of(figure: &Placed<'_>) -> Vec<(Point3<f64>, f64)> {
-    let (nodes, into_common) = (figure.nodes, &figure.into_common);
+    match figure.draft {
+        AnyDraft::Sheet(draft) => of_sheet(&draft.nodes, &figure.into_common),
+        AnyDraft::Tube(draft) => of_tube(draft, &figure.into_common),
+    }
+}
+
+/// All along the centreline.
+fn of_tube(draft: &TubeDraft, into_common: &VoxelFromVoxel) -> Vec<(Point3<f64>, f64)> {
+    let (centres, radii, scale) = (&draft.nodes.centres, &draft.radii, into_common.scale());
+    let mut balls = vec![(into_common.point(centres[0]), scale * radii[0])];
+    for n in 1..centres.len() {
+        let pieces = floor_index(((centres[n] - centres[n - 1]).norm() / BALL_STEP).ceil());
+        for piece in 1..=pieces {
+            let share = piece as f64 / pieces as f64;
+            let centre = centres[n - 1] + (centres[n] - centres[n - 1]) * share;
+            balls.push((into_common.point(centre), scale * (radii[n - 1] * (1.0 - share) + radii[n] * share)));
+        }
+    }
+    balls
+}
+
+/// All over the medial quads, their radii interpolated.
+fn of_sheet(nodes: &Nodes, into_common: &VoxelFromVoxel) -> Vec<(Point3<f64>, f64)> {
     let (mut balls, scale) = (Vec::new(), into_common.scale());
     for quad in Shell::from(nodes).quads() {
         let (corners, radii) = (quad.corners(&nodes.medial), quad.corners(&nodes.radii));

@@ -4,18 +4,18 @@
 use nalgebra::{Point3, Vector3};
 
 use super::Answered;
-use crate::model::Patches;
+use crate::model::FigurePatches;
+use crate::pipeline::draft::AnyDraft;
 use crate::pipeline::solid::NativeMask;
 use crate::pipeline::solid::depth::{SKIN_REACH, SkinPoint};
-use crate::pipeline::vectors::Nodes;
 use crate::space::{VoxelFromVoxel, WorldFromVoxel, WorldPoint};
 
 /// A figure and where it lies.
 pub struct Placed<'a> {
-    /// Its nodes, in the work space of its part.
-    pub nodes: &'a Nodes,
-    /// The smooth surfaces through them.
-    pub patches: Patches,
+    /// The figure, in the work space of its part.
+    pub draft: AnyDraft<'a>,
+    /// The smooth surfaces through its nodes.
+    pub patches: FigurePatches,
     /// Which of the answered parts it belongs to.
     pub part: usize,
     /// From there to the first part's work space.
@@ -26,13 +26,13 @@ pub struct Placed<'a> {
 
 /// The figures of all parts in their order, each with its patches.
 #[must_use]
-pub fn placed<'a>(parts: &[Answered<'a>], patches: Vec<Patches>, label: &NativeMask) -> Vec<Placed<'a>> {
+pub fn placed<'a>(parts: &[Answered<'a>], patches: Vec<FigurePatches>, label: &NativeMask) -> Vec<Placed<'a>> {
     let (mut all, mut patches) = (Vec::new(), patches.into_iter());
     for (part, answered) in parts.iter().enumerate() {
         let work = &answered.solid.world_from_work;
         for (draft, patches) in answered.drafts.iter().zip(patches.by_ref()) {
             all.push(Placed {
-                nodes: &draft.nodes,
+                draft: *draft,
                 patches,
                 part,
                 into_common: work.to(common(parts)),

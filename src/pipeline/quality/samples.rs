@@ -5,7 +5,7 @@ use std::ops::{Add, Mul, Sub};
 use nalgebra::{Point3, Vector3};
 
 use crate::cancel::{Cancel, Cancelled};
-use crate::model::{Shell, Side};
+use crate::model::{Body, Shell, Side, TubeShell};
 use crate::numerics::field::floor_index;
 use crate::pipeline::solid::depth::{SKIN_REACH, SkinPoint};
 
@@ -13,11 +13,35 @@ use crate::pipeline::solid::depth::{SKIN_REACH, SkinPoint};
 /// the surface by 0.001; at twice of it they are too large by 0.002.
 const SAMPLE_STEP: f64 = 0.7;
 
-/// Points spread over the outer surface of a figure: upper, lower and the strips of the rim.
+/// Points spread over the outer surface of a figure.
 ///
 /// # Errors
 /// When it is cancelled.
-pub fn surface_samples(shell: Shell<'_>, cancel: &dyn Cancel) -> Result<Vec<SkinPoint>, Cancelled> {
+pub fn surface_samples(body: Body<'_>, cancel: &dyn Cancel) -> Result<Vec<SkinPoint>, Cancelled> {
+    match body {
+        Body::Sheet(shell) => of_sheet(shell, cancel),
+        Body::Tube(shell) => of_tube(shell, cancel),
+    }
+}
+
+/// Over the wall of a tube and the fans of its tips.
+fn of_tube(shell: TubeShell<'_>, cancel: &dyn Cancel) -> Result<Vec<SkinPoint>, Cancelled> {
+    let (cols, mut samples) = (shell.size.cols, Vec::new());
+    for quad in shell.quads() {
+        cancel.check()?;
+        sample(quad.map(|n| shell.wall[n]), &mut samples);
+    }
+    for (tip, col) in [(shell.tips[0], 0), (shell.tips[1], cols - 1)] {
+        for row in 0..shell.size.rows {
+            let [here, next] = [row, (row + 1) % shell.size.rows].map(|row| shell.wall[row * cols + col]);
+            sample([here, next, tip, tip], &mut samples);
+        }
+    }
+    Ok(samples)
+}
+
+/// Over upper side, lower side and the strips of the rim.
+fn of_sheet(shell: Shell<'_>, cancel: &dyn Cancel) -> Result<Vec<SkinPoint>, Cancelled> {
     let mut samples = Vec::new();
     for side in Side::BOTH {
         for quad in shell.quads() {

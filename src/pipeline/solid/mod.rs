@@ -41,6 +41,7 @@ use rayon::prelude::*;
 
 use self::changes::Changes;
 use self::clean::{keep_one_piece, without_cavities};
+use self::depth::Depth;
 use self::grid::resample::resample;
 use self::grid::thinness::fitting_grid;
 use self::grid::working_grid::{WorkingGrid, embed};
@@ -51,8 +52,9 @@ use crate::cancel::{Cancel, Cancelled};
 use crate::model::{Refusal, TriangleMesh};
 use crate::numerics::components::boundary_voxels;
 use crate::numerics::distance::nearest_seed;
+use crate::numerics::field::floor_index;
 use crate::numerics::smooth::gaussian;
-use crate::numerics::surface_nets::zero_surface;
+use crate::numerics::surface_nets::{Mesh, zero_surface};
 use crate::numerics::topology::euler_number;
 use crate::pipeline::PipelineError;
 use crate::pipeline::context::Context;
@@ -66,6 +68,9 @@ const BOUNDARY_SIGMA: f64 = 1.0;
 const SHAPE_SIGMA: f64 = 0.7;
 /// Working voxels to a grain from which lengths count in it. Nearer to 1 both are the same but for rounding.
 const LEAST_ENLARGED: f64 = 1.05;
+/// How far the level may be moved to enclose the mask's volume. A tube of two voxels lacks 0.3 of a level of smoothed voxels;
+/// beyond, what is lost is not the boundary's.
+const MOST_SHIFT: f32 = 0.35;
 /// Voxels that one thread takes at a time, or between two looks at whether to stop, where little is done with each:
 /// some ten to a hundred microseconds. Fewer are not worth handing over, many more would make a stop wait.
 const SLICE: usize = 1 << 16;
@@ -230,6 +235,68 @@ impl Solid {
             unit_mm: self.working_voxel_mm * voxels_per_unit,
             ..self
         }
+    }
+
+    /// The same solid with its boundary moved along with the level, so that it encloses what the mask does: smoothing takes
+    /// half the variance over the radius off a tube, and nothing off a plate. With the depth below it.
+    ///
+    /// # Errors
+    /// When it is cancelled.
+    pub(in crate::pipeline) fn with_volume_of_mask(&self, context: &Context<'_>) -> Result<(Self, Depth), Cancelled> {
+        let k = self.voxels_per_grain;
+        let grid = &self.level.field.0;
+        let mask_voxels = self.native.mask.as_slice().iter().filter(|is_in| **is_in).count() as f64;
+        let wanted = mask_voxels * self.native.world_from_voxel.voxel_volume_mm3() / self.working_voxel_mm.powi(3);
+        let mut near: Vec<f32> = grid.as_slice().iter().copied().filter(|level| *level > -MOST_SHIFT).collect();
+        let place = floor_index(wanted).clamp(1, near.len().max(1)) - 1;
+        let shift = if near.is_empty() {
+            0.0
+        } else {
+            let (_, level, _) = near.select_nth_unstable_by(place, |a, b| b.total_cmp(a));
+            level.clamp(-MOST_SHIFT, MOST_SHIFT)
+        };
+        let mut level = grid.try_map(|level| level - shift, context)?;
+        let inside = keep_one_piece(&mut level, context)?;
+        let in_voxels = Self {
+            inside,
+            level: Level::new(level),
+            world_from_work: self.world_from_work.enlarged([1.0 / k; 3]),
+            unit_mm: self.working_voxel_mm,
+            native: self.native.clone(),
+            ..*self
+        };
+        let depth = depth::depth(&in_voxels, context)?;
+        Ok((in_voxels.in_units(k), depth.in_units(k)))
+    }
+
+    /// How many of the voxels of a cube from `first` on, `edge` voxels wide, are inside; those at the boundary in part.
+    #[must_use]
+    pub(crate) fn share_of_block(&self, first: [usize; 3], edge: usize) -> f64 {
+        let (grid, mut sum) = (&self.level.field.0, 0.0);
+        let end = [0, 1, 2].map(|axis| (first[axis] + edge).min(grid.dims()[axis]));
+        for k in first[2]..end[2] {
+            for j in first[1]..end[1] {
+                for i in first[0]..end[0] {
+                    let at = [i, j, k];
+                    let level = f64::from(grid[at]);
+                    // What is positive beside the one piece of the solid is none of it.
+                    sum += if level > 0.0 && !self.inside[at] { 0.0 } else { (level + 0.5).clamp(0.0, 1.0) };
+                }
+            }
+        }
+        sum
+    }
+
+    /// The boundary as triangles, counter-clockwise seen from outside, in work space.
+    ///
+    /// # Errors
+    /// When it is cancelled.
+    pub(crate) fn skin_mesh(&self, voxels_per_unit: f64, cancel: &dyn Cancel) -> Result<Mesh, Cancelled> {
+        let mut mesh = zero_surface(&self.level.field.0, cancel)?;
+        for position in &mut mesh.positions {
+            *position /= voxels_per_unit;
+        }
+        Ok(mesh)
     }
 
     /// Points of work space in the world.

@@ -17,7 +17,7 @@ use nalgebra::Rotation3;
 pub use crate::measure::accuracy::{figure_drift as drift, rms};
 use crate::measure::shapes::PHASE;
 pub use crate::measure::shapes::{counted, roughened, turned};
-pub use crate::measure::{params, run_of};
+pub use crate::measure::{params, run_of, sheets};
 
 pub fn sample(name: &str) -> Sample {
     by_name(name).expect("a sample of that name")
@@ -96,6 +96,14 @@ pub fn check_invariants(model: &Model) {
                 assert_eq!(points.positions.len(), points.flat.len(), "{name}");
                 assert!(points.flat.iter().flat_map(|p| p.iter()).all(|x| x.is_finite()));
             }
+        }
+        for tube in structure.tubes() {
+            let nodes = tube.grid.rows * tube.grid.cols;
+            assert_eq!([tube.wall.len(), tube.repaired.len(), tube.intrinsic.len()], [nodes; 3]);
+            assert_eq!([tube.centreline.len(), tube.medial_radius_mm.len()], [tube.grid.cols; 2]);
+            let points = tube.wall.iter().chain(&tube.centreline).chain(&tube.tips);
+            assert!(points.flat_map(|p| p.iter()).all(|x| x.is_finite()));
+            assert!(tube.caps[0] + tube.caps[1] < tube.grid.cols);
         }
         for junction in &structure.junctions {
             assert!(junction.figures.iter().all(|f| *f < structure.figures.len()));

@@ -1,6 +1,6 @@
-import type { GlbMesh, GlbModel, GlbStructure } from "./glb";
-import type { Result, ResultFigure } from "./result";
-import type { Numbers, Point, Surface } from "./thickness";
+import type { GlbMesh, GlbModel, GlbStructure, Layer } from "./glb";
+import type { Result, ResultFigure, ResultSheet, ResultTube } from "./result";
+import type { Numbers, Point } from "./thickness";
 
 /** What model.glb alone says of the nodes, to the precision of its 32-bit numbers. */
 export function fromGlb(model: GlbModel): Result {
@@ -15,23 +15,15 @@ export function fromGlb(model: GlbModel): Result {
 }
 
 function figureFrom(model: GlbModel, structure: GlbStructure, n: number, order: number): ResultFigure {
-  const { index = n, rows = 0, cols = 0 } = structure.figures[n] ?? {};
-  const count = rows * cols;
-  const meshOf = (layer: Surface) =>
+  const { kind = "sheet", index = n, rows = 0, cols = 0 } = structure.figures[n] ?? {};
+  const meshOf = (layer: Layer) =>
     model.meshes.find((m) => m.layer === layer && m.structure === structure.index && m.figure === index);
-  const [medial, upper, lower] = [meshOf("medial"), meshOf("upper"), meshOf("lower")];
-  return {
+  const any = {
     structure: structure.index,
     index,
     order,
     rows,
     cols,
-    medial: pointsOf(medial, count),
-    upper: pointsOf(upper, count),
-    lower: pointsOf(lower, count),
-    upper_mm: thicknessOf(upper, count),
-    lower_mm: thicknessOf(lower, count),
-    total_mm: thicknessOf(medial, count),
     radius_mm: null,
     sd_mm: null,
     area_mm2: null,
@@ -39,18 +31,69 @@ function figureFrom(model: GlbModel, structure: GlbStructure, n: number, order: 
     intrinsic: null,
     difference: null,
   };
+  if (kind === "tube") return { ...any, ...tubeFrom(rows, cols, meshOf("wall"), meshOf("vectors")) };
+  return { ...any, ...sheetFrom(rows * cols, meshOf("medial"), meshOf("upper"), meshOf("lower")) };
 }
 
-function pointsOf(mesh: GlbMesh | undefined, count: number): (Point | null)[] {
+/** What the meshes tell. */
+type Told<Figure extends ResultFigure, Own extends keyof Figure> = Pick<Figure, "kind" | "medial" | "total_mm" | Own>;
+
+type MaybeMesh = GlbMesh | undefined;
+
+function sheetFrom(
+  count: number,
+  medial: MaybeMesh,
+  upper: MaybeMesh,
+  lower: MaybeMesh,
+): Told<ResultSheet, "upper" | "lower" | "upper_mm" | "lower_mm"> {
+  return {
+    kind: "sheet",
+    medial: pointsOf(medial, count),
+    upper: pointsOf(upper, count),
+    lower: pointsOf(lower, count),
+    upper_mm: thicknessOf(upper, count),
+    lower_mm: thicknessOf(lower, count),
+    total_mm: thicknessOf(medial, count),
+  };
+}
+
+function tubeFrom(
+  rows: number,
+  cols: number,
+  wall: MaybeMesh,
+  vectors: MaybeMesh,
+): Told<ResultTube, "wall" | "wall_mm"> {
+  const count = rows * cols;
+  const wall_mm = thicknessOf(wall, count);
+  const total_mm = wall_mm.map((mm, node) => {
+    // Half way round, in the same column.
+    const opposite = wall_mm[(node + (rows / 2) * cols) % count] ?? null;
+    return mm === null || opposite === null ? null : mm + opposite;
+  });
+  return { kind: "tube", medial: startsOf(vectors, count), wall: pointsOf(wall, count), wall_mm, total_mm };
+}
+
+/** Where the vectors of a tube begin: there is one for each node, in their order. */
+function startsOf(vectors: MaybeMesh, count: number): (Point | null)[] {
+  const starts = new Array<Point | null>(count).fill(null);
+  if (vectors?.positions.length !== 6 * count) return starts;
+  return starts.map((_, node) => vertexOf(vectors, 2 * node));
+}
+
+function vertexOf({ positions }: GlbMesh, vertex: number): Point {
+  const [x = 0, y = 0, z = 0] = positions.subarray(3 * vertex, 3 * vertex + 3);
+  return [x, y, z];
+}
+
+function pointsOf(mesh: MaybeMesh, count: number): (Point | null)[] {
   const points = new Array<Point | null>(count).fill(null);
   mesh?.nodes?.forEach((node, vertex) => {
-    const [x = 0, y = 0, z = 0] = mesh.positions.subarray(3 * vertex, 3 * vertex + 3);
-    points[node] = [x, y, z];
+    points[node] = vertexOf(mesh, vertex);
   });
   return points;
 }
 
-function thicknessOf(mesh: GlbMesh | undefined, count: number): Numbers {
+function thicknessOf(mesh: MaybeMesh, count: number): Numbers {
   const values = new Array<number | null>(count).fill(null);
   mesh?.nodes?.forEach((node, vertex) => {
     values[node] = mesh.thickness_mm?.[vertex] ?? null;

@@ -1,10 +1,20 @@
-import type { Point } from "./thickness";
+import type { FigureKind, Point } from "./thickness";
 
 /** What of model.glb is drawn, by the `kind` of its meshes. */
-export const LAYERS = ["object", "medial", "upper", "lower", "crest", "vectors", "closed"] as const;
+export const LAYERS = [
+  "object",
+  "medial",
+  "upper",
+  "lower",
+  "crest",
+  "centreline",
+  "wall",
+  "vectors",
+  "closed",
+] as const;
 export type Layer = (typeof LAYERS)[number];
 /** What is shown unless something else is asked for. */
-export const DEFAULT_LAYERS: readonly Layer[] = ["object", "medial", "upper", "lower", "vectors"];
+export const DEFAULT_LAYERS: readonly Layer[] = ["object", "medial", "upper", "lower", "centreline", "wall", "vectors"];
 
 export interface GlbModel {
   structures: GlbStructure[];
@@ -24,6 +34,7 @@ export interface GlbStructure {
 }
 
 export interface GlbFigure {
+  kind: FigureKind;
   index: number;
   rows: number;
   cols: number;
@@ -37,9 +48,9 @@ export interface GlbMesh {
   figure: number | null;
   positions: Float32Array;
   normals: Float32Array | null;
-  /** Corners of triangles, of `vectors` ends of lines. */
+  /** Corners of triangles, of `vectors` and `centreline` ends of lines. */
   indices: Uint32Array;
-  /** Node of each vertex, row by row; only of medial, upper and lower. */
+  /** Node of each vertex, row by row; only of medial, upper, lower and wall. */
   nodes: Uint32Array | null;
   thickness_mm: Float32Array | null;
 }

@@ -1,17 +1,22 @@
-import { figureOf, indexOf, type NodeRef, type Result } from "./result";
-import type { Point } from "./thickness";
+import { alongSurface } from "./plane";
+import { figureOf, indexOf, type NodeRef, positionsOf, type Result } from "./result";
+import type { FigureKind, Point } from "./thickness";
 
 /** What can be read at a node. Lengths are mm. */
 export interface NodeInfo extends NodeRef {
   /** Of the structure, as in the mask. */
   label: number;
+  /** Of the figure: sheets have upper and lower, tubes a wall. */
+  kind: FigureKind;
   upper_mm: number | null;
   lower_mm: number | null;
+  /** From the centre to the wall. */
+  wall_mm: number | null;
   total_mm: number | null;
   radius_mm: number | null;
   /** Standard deviation of the total thickness. */
   sd_mm: number | null;
-  /** Of the medial node, RAS mm. */
+  /** Of the medial node, of a tube on its wall; RAS mm. */
   position: Point;
   difference: number | null;
 }
@@ -21,7 +26,7 @@ export function nodeInfo(result: Result, { structure, figure, i, j }: NodeRef): 
   const found = figureOf(result, structure, figure);
   if (!found || i < 0 || i >= found.rows || j < 0 || j >= found.cols) return null;
   const node = indexOf(found, { i, j });
-  const position = found.medial[node];
+  const position = positionsOf(found)[node];
   const label = result.structures.find((s) => s.index === structure)?.label;
   if (!position || label === undefined) return null;
   return {
@@ -30,8 +35,10 @@ export function nodeInfo(result: Result, { structure, figure, i, j }: NodeRef): 
     i,
     j,
     label,
-    upper_mm: found.upper_mm[node] ?? null,
-    lower_mm: found.lower_mm[node] ?? null,
+    kind: found.kind,
+    upper_mm: found.kind === "sheet" ? (found.upper_mm[node] ?? null) : null,
+    lower_mm: found.kind === "sheet" ? (found.lower_mm[node] ?? null) : null,
+    wall_mm: found.kind === "tube" ? (found.wall_mm[node] ?? null) : null,
     total_mm: found.total_mm[node] ?? null,
     radius_mm: found.radius_mm?.[node] ?? null,
     sd_mm: found.sd_mm?.[node] ?? null,
@@ -45,10 +52,9 @@ export function sameNode(a: NodeRef | null, b: NodeRef | null): boolean {
   return a.structure === b.structure && a.figure === b.figure && a.i === b.i && a.j === b.j;
 }
 
-/** Straight distance of the medial nodes and, in one figure, that in the intrinsic plane; mm. */
+/** Straight distance of the nodes and, in one figure, that along its surface; mm. */
 export function distances(result: Result, a: NodeInfo, b: NodeInfo): { straight: number; along: number | null } {
   const straight = Math.hypot(...a.position.map((x, axis) => x - (b.position[axis] ?? 0)));
   const figure = a.structure === b.structure && a.figure === b.figure ? figureOf(result, a.structure, a.figure) : null;
-  const [from, to] = [a, b].map((node) => figure?.intrinsic?.medial[indexOf(figure, node)]);
-  return { straight, along: from && to ? Math.hypot(from[0] - to[0], from[1] - to[1]) : null };
+  return { straight, along: figure && alongSurface(figure, indexOf(figure, a), indexOf(figure, b)) };
 }

@@ -1,6 +1,6 @@
 import { figuresOf, type Result, type ResultFigure } from "./result";
 import { niceRange } from "./scale";
-import { type Numbers, SURFACES, type Surface } from "./thickness";
+import { type Numbers, SURFACES, SURFACES_OF, type Surface } from "./thickness";
 
 /** What the nodes are coloured by. */
 export type Quantity = "total" | "each" | "radius" | "side" | "figure" | "distortion" | "uncertainty" | "difference";
@@ -38,7 +38,7 @@ export function quantitiesOf(result: Result): Quantity[] {
   return (Object.keys(QUANTITIES) as Quantity[]).filter(
     (quantity) =>
       QUANTITIES[quantity].kind === "categorical" ||
-      figures.some((figure) => valuesOf(figure, quantity, "upper").some((value) => value !== null)),
+      figures.some((figure) => countedValues(figure, quantity).some((value) => value !== null)),
   );
 }
 
@@ -48,9 +48,7 @@ export function valuesOf(figure: ResultFigure, quantity: Quantity, surface: Surf
     case "total":
       return figure.total_mm;
     case "each":
-      if (surface === "upper") return figure.upper_mm;
-      if (surface === "lower") return figure.lower_mm;
-      return figure.total_mm.map((total) => (total === null ? null : total / 2));
+      return ownLengths(figure, surface);
     case "radius":
       return figure.radius_mm ?? unknown(figure);
     case "side":
@@ -66,6 +64,24 @@ export function valuesOf(figure: ResultFigure, quantity: Quantity, surface: Surf
   }
 }
 
+/** The thickness on the side of a surface; between the sides the mean of both. */
+function ownLengths(figure: ResultFigure, surface: Surface): Numbers {
+  if (figure.kind === "tube" && surface === "wall") return figure.wall_mm;
+  if (figure.kind === "sheet" && surface === "upper") return figure.upper_mm;
+  if (figure.kind === "sheet" && surface === "lower") return figure.lower_mm;
+  return figure.total_mm.map((total) => (total === null ? null : total / 2));
+}
+
+/** The surfaces whose values are all there are of a quantity: both sides where they differ. */
+export function countedSurfaces({ kind }: ResultFigure, quantity: Quantity): readonly Surface[] {
+  if (kind === "sheet" && quantity === "each") return ["upper", "lower"];
+  return SURFACES_OF[kind].slice(0, 1);
+}
+
+function countedValues(figure: ResultFigure, quantity: Quantity): Numbers {
+  return countedSurfaces(figure, quantity).flatMap((surface) => valuesOf(figure, quantity, surface));
+}
+
 /**
  * The bounds of the colour scale: round numbers, for a diverging scale symmetrical about 0.
  * `visible` are the structures that count; null means all.
@@ -76,11 +92,10 @@ export function rangeOf(result: Result, quantity: Quantity, visible: ReadonlySet
   if (kind === "categorical") {
     return [0, (quantity === "side" ? SURFACES.length : Math.max(1, figures.length)) - 1];
   }
-  const surfaces: Surface[] = quantity === "each" ? ["upper", "lower"] : ["medial"];
   let [low, high] = [Number.POSITIVE_INFINITY, Number.NEGATIVE_INFINITY];
   for (const figure of figures) {
     if (visible && !visible.has(figure.structure)) continue;
-    for (const value of surfaces.flatMap((surface) => valuesOf(figure, quantity, surface))) {
+    for (const value of countedValues(figure, quantity)) {
       if (value === null) continue;
       low = Math.min(low, value);
       high = Math.max(high, value);

@@ -33,35 +33,73 @@ export interface Structure {
   warnings: Message[];
 }
 
-/** One single sheet. Arrays have rows · cols entries, row-major; a number that could not be computed is null. */
-export interface Figure {
+export type Figure = Sheet | Tube;
+export type FigureKind = "sheet" | "tube";
+
+/** Arrays have rows · cols entries, row-major; a number that could not be computed is null. */
+interface AnyFigure {
   index: number;
   grid: Grid;
   medial: Point[];
+  valid: boolean[];
+  medial_radius_mm: Numbers;
+  /** Area that each node stands for, of the sheet or of the wall: the weights of the summary. */
+  node_area_mm2?: Numbers;
+  /** Standard deviations over repeats, where they were asked for. */
+  uncertainty?: { total_mm: Numbers } | null;
+}
+
+/** One single sheet. */
+export interface Sheet extends AnyFigure {
+  /** Older files have none. */
+  kind?: "sheet";
   upper: Point[];
   lower: Point[];
-  valid: boolean[];
   thickness: { upper_mm: Numbers; lower_mm: Numbers; total_mm: Numbers };
-  medial_radius_mm: Numbers;
-  /** Area of the sheet that each node stands for: the weights of the summary. */
-  node_area_mm2?: Numbers;
   /** Per node: logarithm of (share of the area in space) / (share in the intrinsic plane). */
   area_distortion?: Numbers;
-  /** Standard deviations over repeats, where they were asked for. */
-  uncertainty?: { total_mm: Numbers };
-  intrinsic: Record<Surface, (Flat | null)[]>;
+  intrinsic: Record<SheetSurface, (Flat | null)[]>;
+}
+
+/** A tube: rows go round it, the last one beside the first, and columns along. `medial` is the centre of its column. */
+export interface Tube extends AnyFigure {
+  kind: "tube";
+  wall: Point[];
+  /** A vector, and with the one opposite. */
+  thickness: { wall_mm: Numbers; total_mm: Numbers };
+  thickness_summary: { wall_mm: Spread; total_mm: Spread; area_mm2: number };
+  tube_summary: TubeSummary;
+  /** Arc length along and arc length around. */
+  intrinsic: { wall: (Flat | null)[] };
+}
+
+export interface TubeSummary {
+  length_mm: number | null;
+  radius_mm: Spread;
+  diameter_mm: Spread;
+  section_area_mm2: Spread;
+  curvature_per_mm: Spread;
+  /** Length over the straight way from tip to tip. */
+  tortuosity: number | null;
 }
 
 export type Numbers = (number | null)[];
 
-export const SURFACES = ["medial", "upper", "lower"] as const;
+export const SURFACES = ["medial", "upper", "lower", "wall"] as const;
 export type Surface = (typeof SURFACES)[number];
+type SheetSurface = Exclude<Surface, "wall">;
 
-/** Weighted by the area of the medial lattice round each node. */
+/** What figures of a kind have, coloured and laid flat. People look for a node on the first. */
+export const SURFACES_OF: Readonly<Record<FigureKind, readonly Surface[]>> = {
+  sheet: ["medial", "upper", "lower"],
+  tube: ["wall"],
+};
+
+/** Weighted by the area round each node. Upper and lower are those of sheets. */
 export interface Summary {
-  upper_mm: Spread;
-  lower_mm: Spread;
-  total_mm: Spread;
+  upper_mm?: Spread;
+  lower_mm?: Spread;
+  total_mm?: Spread;
   area_mm2: number;
 }
 

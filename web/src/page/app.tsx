@@ -92,8 +92,8 @@ function Start() {
     <div class="start">
       <h2>Send a mask, see its medial representation</h2>
       <p>
-        A label map goes in; out come the medial sheet of every structure, its two surfaces and the thickness vectors
-        between them, in millimetres, with a verdict on how far they can be trusted.
+        A label map goes in; out come the medial sheets of every structure and the centrelines of what is a tube, their
+        surfaces and the thickness vectors to them, in millimetres, with a verdict on how far they can be trusted.
       </p>
       <p>
         {jobs.value.length > 0

@@ -11,7 +11,7 @@ export interface Difference {
   summary: { nodes: number; mean: number; sd: number; largest: number } | null;
 }
 
-/** Figures are the same when their label, their number and their grid are. */
+/** Figures are the same when their label, their number, their kind and their grid are. */
 export function difference(first: Result, second: Result): Difference {
   const left: string[] = [];
   const [ofFirst, ofSecond]: [FigureValues[], FigureValues[]] = [[], []];
@@ -28,6 +28,10 @@ export function difference(first: Result, second: Result): Difference {
     structure.figures.forEach((a, at) => {
       const b = other.figures[at];
       if (b === undefined) return;
+      if (a.kind !== b.kind) {
+        left.push(`label ${structure.label}: figure ${a.index} is a ${a.kind} and a ${b.kind}`);
+        return;
+      }
       if (a.rows !== b.rows || a.cols !== b.cols) {
         left.push(`label ${structure.label}: grids are ${a.rows} × ${a.cols} and ${b.rows} × ${b.cols}`);
         return;

@@ -2,39 +2,43 @@ import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { fetchResult, type Job, type Problem, problemOf, token } from "../api/client";
 import { nodeInfo } from "../model/node-info";
-import type { NodeRef, Result } from "../model/result";
-import { SURFACES, type Surface } from "../model/thickness";
+import { figureOf, type NodeRef, type Result } from "../model/result";
+import { SURFACES_OF, type Surface } from "../model/thickness";
 import { Plane } from "./plane";
 import { type Points, parsePoints } from "./points";
 import { ProblemNote } from "./problem";
 import type { View } from "./view";
-import { bytes, number, structureName } from "./words";
+import { bytes, figureName, number, structureName } from "./words";
 
 /** Larger files of points are loaded only when asked for. */
 const MAX_POINTS_BYTES = 20e6;
 
-/** The lattice and the voxel points of one figure, laid flat. */
+/** The lattice and the voxel points of one figure, laid flat; the wall of a tube is unrolled. */
 export function FlatView({ job, view }: { job: Job; view: View }) {
-  const surface = useSignal<Surface>("medial");
+  const chosen = useSignal<Surface>("medial");
   const isFocused = useSignal(false);
   const { points, problem, size, isLoading, isWanted } = usePoints(job);
   const figure = view.flat.value;
   if (figure === null) return <p class="hint">No figure is shown that could be laid flat.</p>;
+  const surfaces = SURFACES_OF[figure.kind];
+  const surface = surfaces.find((name) => name === chosen.value) ?? surfaces[0] ?? "medial";
   return (
     <>
       <div class="row">
         <FigureSelect view={view} />
-        <select
-          aria-label="Surface laid flat"
-          value={surface.value}
-          onChange={(event) => {
-            surface.value = event.currentTarget.value as Surface;
-          }}
-        >
-          {SURFACES.map((name) => (
-            <option key={name}>{name}</option>
-          ))}
-        </select>
+        {surfaces.length > 1 && (
+          <select
+            aria-label="Surface laid flat"
+            value={surface}
+            onChange={(event) => {
+              chosen.value = event.currentTarget.value as Surface;
+            }}
+          >
+            {surfaces.map((name) => (
+              <option key={name}>{name}</option>
+            ))}
+          </select>
+        )}
         {!isLoading && (
           <button
             type="button"
@@ -49,7 +53,7 @@ export function FlatView({ job, view }: { job: Job; view: View }) {
       {problem && <ProblemNote title="The voxel points could not be loaded" problem={problem} />}
       <Plane
         view={view}
-        surface={surface.value}
+        surface={surface}
         points={points}
         onFocus={(is) => {
           isFocused.value = is;
@@ -98,9 +102,9 @@ function FigureSelect({ view }: { view: View }) {
         view.showFlat(structure, index);
       }}
     >
-      {view.shownFigures.value.map(({ structure, index }) => (
+      {view.shownFigures.value.map(({ structure, index, kind }) => (
         <option key={`${structure}/${index}`} value={`${structure}/${index}`}>
-          {names.get(structure)}, figure {index}
+          {names.get(structure)}, {figureName({ index, kind })}
         </option>
       ))}
     </select>
@@ -119,8 +123,15 @@ function Reading({ view, isSaid }: { view: View; isSaid: boolean }) {
 function readingOf(result: Result, node: NodeRef | null): string {
   if (node === null) return "Point at a node, or move with the arrow keys.";
   const info = nodeInfo(result, node);
-  if (info === null) return `Node (${node.i}, ${node.j}) is not on the sheet.`;
-  const { i, j, upper_mm, lower_mm, total_mm, sd_mm } = info;
+  if (info === null) {
+    const kind = figureOf(result, node.structure, node.figure)?.kind;
+    return `Node (${node.i}, ${node.j}) is not on the ${kind === "tube" ? "wall" : "sheet"}.`;
+  }
+  const { kind, i, j, upper_mm, lower_mm, wall_mm, total_mm, radius_mm, sd_mm } = info;
   const spread = sd_mm === null ? "" : ` ± ${number(sd_mm)}`;
-  return `Node (${i}, ${j}): upper ${number(upper_mm)}, lower ${number(lower_mm)}, total ${number(total_mm)}${spread} mm`;
+  const total = `total ${number(total_mm)}${spread}`;
+  if (kind === "tube") {
+    return `Node (${i}, ${j}): wall ${number(wall_mm)}, ${total}, ball radius ${number(radius_mm)} mm`;
+  }
+  return `Node (${i}, ${j}): upper ${number(upper_mm)}, lower ${number(lower_mm)}, ${total} mm`;
 }

@@ -1,7 +1,8 @@
-/** The intrinsic plane of a figure, drawn (Ward and Hamarneh, figure 4). */
+/** The intrinsic plane of a figure, drawn (Ward and Hamarneh, figure 4); the wall of a tube, unrolled. */
 
 import { quadtree } from "d3-quadtree";
 import { cssColorOf } from "../model/colors";
+import { nodeOfPlace } from "../model/plane";
 import type { Quantity, Range } from "../model/quantity";
 import type { ResultFigure } from "../model/result";
 import { ticks } from "../model/scale";
@@ -43,7 +44,7 @@ export function place({ scale, left, top }: Frame, [u, v]: Flat): [number, numbe
 
 export interface Drawing {
   figure: ResultFigure;
-  /** Of the surface that is shown. */
+  /** Of the surface that is shown; its places are those of `planeOf`. */
   plane: (Flat | null)[];
   nodes: ReturnType<typeof nodeTree>;
   values: Numbers;
@@ -63,7 +64,8 @@ export function draw(context: CanvasRenderingContext2D, drawing: Drawing): void 
 }
 
 /** Each voxel point in the colour of the node nearest to it. */
-function drawVoxels(context: CanvasRenderingContext2D, { voxels, nodes, values, quantity, range, frame }: Drawing) {
+function drawVoxels(context: CanvasRenderingContext2D, drawing: Drawing) {
+  const { figure, voxels, nodes, values, quantity, range, frame } = drawing;
   if (voxels === null) return;
   const colors = values.map((value) => cssColorOf(quantity, value, range));
   const size = Math.min(Math.max(frame.scale * 0.35, 1), 3);
@@ -72,14 +74,15 @@ function drawVoxels(context: CanvasRenderingContext2D, { voxels, nodes, values, 
     const [u, v] = [voxels[at] ?? 0, voxels[at + 1] ?? 0];
     const node = nodes.find(u, v);
     if (node === undefined) continue;
-    context.fillStyle = colors[node.index] ?? "";
+    context.fillStyle = colors[nodeOfPlace(figure, node.index)] ?? "";
     const [x, y] = place(frame, [u, v]);
     context.fillRect(x - size / 2, y - size / 2, size, size);
   }
   context.globalAlpha = 1;
 }
 
-function drawLattice(context: CanvasRenderingContext2D, { figure: { rows, cols }, plane, frame, ink }: Drawing): void {
+function drawLattice(context: CanvasRenderingContext2D, { figure: { cols }, plane, frame, ink }: Drawing): void {
+  const rows = plane.length / cols;
   context.strokeStyle = ink;
   context.globalAlpha = 0.6;
   context.lineWidth = 1;
@@ -92,9 +95,9 @@ function drawLattice(context: CanvasRenderingContext2D, { figure: { rows, cols }
   };
   for (let i = 0; i < rows; i++) {
     for (let j = 0; j < cols; j++) {
-      const node = i * cols + j;
-      if (j + 1 < cols) join(node, node + 1);
-      if (i + 1 < rows) join(node, node + cols);
+      const at = i * cols + j;
+      if (j + 1 < cols) join(at, at + 1);
+      if (i + 1 < rows) join(at, at + cols);
     }
   }
   context.stroke();
@@ -106,21 +109,22 @@ function drawNodes(context: CanvasRenderingContext2D, drawing: Drawing): void {
   // Dense lattices get smaller nodes.
   const step = (frame.scale * extent(plane)) / Math.max(figure.cols, 1);
   const radius = Math.min(Math.max(step / 4, 1.5), NODE_RADIUS);
-  for (const node of plane.keys()) drawNode(context, drawing, node, radius, 0.75);
+  for (const at of plane.keys()) drawNode(context, drawing, at, radius, 0.75);
 }
 
-/** Nodes with a ring: pointed at, or picked. */
-export function drawMarks(context: CanvasRenderingContext2D, drawing: Drawing, nodes: number[]): void {
+/** Nodes with a ring, by their places: pointed at, or picked. */
+export function drawMarks(context: CanvasRenderingContext2D, drawing: Drawing, places: number[]): void {
   context.clearRect(0, 0, context.canvas.width, context.canvas.height);
-  for (const node of nodes) drawNode(context, drawing, node, NODE_RADIUS + 3, 2.5);
+  for (const at of places) drawNode(context, drawing, at, NODE_RADIUS + 3, 2.5);
 }
 
-function drawNode(context: CanvasRenderingContext2D, drawing: Drawing, node: number, radius: number, line: number) {
-  const point = drawing.plane[node];
+function drawNode(context: CanvasRenderingContext2D, drawing: Drawing, at: number, radius: number, line: number) {
+  const point = drawing.plane[at];
   if (!point) return;
   context.beginPath();
   context.arc(...place(drawing.frame, point), radius, 0, 2 * Math.PI);
-  context.fillStyle = cssColorOf(drawing.quantity, drawing.values[node] ?? null, drawing.range);
+  const value = drawing.values[nodeOfPlace(drawing.figure, at)] ?? null;
+  context.fillStyle = cssColorOf(drawing.quantity, value, drawing.range);
   context.fill();
   context.strokeStyle = drawing.ink;
   context.lineWidth = line;
@@ -158,7 +162,7 @@ interface Placed {
   index: number;
 }
 
-/** Finds the node nearest to a point of the plane. */
+/** Finds the place of a node nearest to a point of the plane. */
 export function nodeTree(plane: (Flat | null)[]) {
   const nodes = plane.flatMap((point, index): Placed[] =>
     point === null ? [] : [{ u: point[0], v: point[1], index }],

@@ -1,5 +1,5 @@
 import { QUANTITIES, type Quantity } from "../model/quantity";
-import { LAYER_NAMES, type View } from "./view";
+import type { View } from "./view";
 
 /** Which layers are shown, and what their colours say. */
 export function LayerPanel({ view }: { view: View }) {
@@ -18,7 +18,7 @@ export function LayerPanel({ view }: { view: View }) {
       </label>
       <fieldset class="checks">
         <legend>Layers</legend>
-        {LAYER_NAMES.map(([layer, label]) => (
+        {view.layerNames.value.map(([layer, label]) => (
           <label class="check" key={layer}>
             <input
               type="checkbox"

@@ -1,7 +1,8 @@
 import { useSignal, useSignalEffect } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
+import { nodeOfPlace, placesOfNode, planeOf } from "../model/plane";
 import { valuesOf } from "../model/quantity";
-import { indexOf, type NodeRef, type ResultFigure, refOf } from "../model/result";
+import { indexOf, type NodeRef, positionsOf, type ResultFigure, refOf } from "../model/result";
 import type { Surface } from "../model/thickness";
 import { type Drawing, draw, drawMarks, frameOf, nodeTree, REACH } from "./flat";
 import { keyOf, type Points } from "./points";
@@ -25,7 +26,7 @@ export function Plane({ view, surface, points, onFocus }: PlaneProps) {
   useEffect(() => {
     const context = base.current && sharpContext(base.current);
     if (!context || figure === null) return;
-    const plane = figure.intrinsic?.[surface] ?? [];
+    const plane = planeOf(figure, surface);
     const { clientWidth, clientHeight } = context.canvas;
     const frame = frameOf(plane, voxels, clientWidth, clientHeight);
     const values = valuesOf(figure, quantity, surface);
@@ -54,7 +55,7 @@ export function Plane({ view, surface, points, onFocus }: PlaneProps) {
       class="plane"
       tabIndex={0}
       role="application"
-      aria-label={`Lattice of ${figure.rows} by ${figure.cols} nodes, laid flat. Arrow keys move from node to node, Enter picks one, Escape forgets the picks.`}
+      aria-label={`${latticeName(figure)}. Arrow keys move from node to node, Enter picks one, Escape forgets the picks.`}
       onPointerMove={(event) => view.point(nodeAt(event))}
       onPointerLeave={(event) => event.pointerType === "mouse" && view.point(null)}
       onClick={(event) => {
@@ -69,6 +70,11 @@ export function Plane({ view, surface, points, onFocus }: PlaneProps) {
       <canvas ref={marks} />
     </div>
   );
+}
+
+function latticeName({ kind, rows, cols }: ResultFigure): string {
+  if (kind === "tube") return `Wall of a tube, ${rows} nodes around by ${cols} along, unrolled`;
+  return `Lattice of ${rows} by ${cols} nodes, laid flat`;
 }
 
 /** A number that changes with the size of an element and with light and dark. */
@@ -101,7 +107,9 @@ function sharpContext(canvas: HTMLCanvasElement): CanvasRenderingContext2D | nul
 
 function markedOf(view: View, figure: ResultFigure): number[] {
   return [view.hovered.value, ...view.picked.value].flatMap((node) =>
-    node?.structure === figure.structure && node.figure === figure.index ? [indexOf(figure, node)] : [],
+    node?.structure === figure.structure && node.figure === figure.index
+      ? placesOfNode(figure, indexOf(figure, node))
+      : [],
   );
 }
 
@@ -109,7 +117,7 @@ function markedOf(view: View, figure: ResultFigure): number[] {
 function nearest({ figure, nodes, frame }: Drawing, x: number, y: number): NodeRef | null {
   const [u, v] = [(x - frame.left) / frame.scale, (frame.top - y) / frame.scale];
   const found = nodes.find(u, v, REACH / frame.scale);
-  return found ? refOf(figure, found.index) : null;
+  return found ? refOf(figure, nodeOfPlace(figure, found.index)) : null;
 }
 
 const STEPS: Record<string, [number, number]> = {
@@ -124,10 +132,13 @@ function stepped(from: NodeRef | null, figure: ResultFigure, key: string): NodeR
   const step = STEPS[key];
   if (step === undefined) return null;
   if (from?.structure !== figure.structure || from.figure !== figure.index) {
-    // Nodes that are not on the sheet have no place.
-    const first = figure.medial.findIndex((point) => point !== null);
+    // Nodes that are not on the figure have no place.
+    const first = positionsOf(figure).findIndex((point) => point !== null);
     return first === -1 ? null : refOf(figure, first);
   }
   const within = (at: number, count: number) => Math.min(Math.max(at, 0), count - 1);
-  return { ...from, i: within(from.i + step[0], figure.rows), j: within(from.j + step[1], figure.cols) };
+  // Round a tube there is no end.
+  const i =
+    figure.kind === "tube" ? (from.i + step[0] + figure.rows) % figure.rows : within(from.i + step[0], figure.rows);
+  return { ...from, i, j: within(from.j + step[1], figure.cols) };
 }

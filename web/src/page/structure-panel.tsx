@@ -1,7 +1,7 @@
 import type { Structure } from "../model/thickness";
 import { VerdictBadge, verdictOf } from "./verdict";
 import type { View } from "./view";
-import { number, structureName } from "./words";
+import { figureName, number, structureName } from "./words";
 
 /** Which structures and figures are shown. */
 export function StructurePanel({ view }: { view: View }) {
@@ -37,28 +37,31 @@ interface RowProps {
 }
 
 function StructureRow({ structure, view, names }: RowProps) {
-  const { index, figures, thickness_summary } = structure;
+  const { index, figures, refusal, thickness_summary } = structure;
   const named = structureName(structure);
   const only = () => {
     view.style.showOnly(`${index}`, names);
-    view.viewer.value?.fit();
+    // The 3D view hears of it in the next frame.
+    requestAnimationFrame(() => view.viewer.value?.fit());
   };
   return (
     <li>
       <div class="row">
         <Check view={view} name={`${index}`} label={named} />
         <VerdictBadge verdict={verdictOf(structure)} />
-        <span class="hint">{figures.length > 0 && `${number(thickness_summary.total_mm.mean, 1)} mm`}</span>
+        <span class="hint">{figures.length > 0 && `${number(thickness_summary.total_mm?.mean, 1)} mm`}</span>
         {names.length > 1 && (
           <button type="button" class="small" onClick={only} aria-label={`Show only ${named}`}>
             only
           </button>
         )}
       </div>
+      {refusal && <p class="hint">{refusal.message}</p>}
+      {refusal?.hint && <p class="hint">{refusal.hint}</p>}
       {figures.length > 1 && (
         <div class="row figures">
           {figures.map((figure) => (
-            <Check key={figure.index} view={view} name={`${index}/${figure.index}`} label={`figure ${figure.index}`} />
+            <Check key={figure.index} view={view} name={`${index}/${figure.index}`} label={figureName(figure)} />
           ))}
         </div>
       )}

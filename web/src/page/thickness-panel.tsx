@@ -1,7 +1,9 @@
 import { cssColorOf } from "../model/colors";
-import { QUANTITIES, type Quantity, rangeOf, valuesOf } from "../model/quantity";
-import type { Spread, Structure, Surface } from "../model/thickness";
+import { countedSurfaces, QUANTITIES, type Quantity, rangeOf, valuesOf } from "../model/quantity";
+import type { ResultFigure } from "../model/result";
+import type { Spread, Structure } from "../model/thickness";
 import { type Bin, histogram } from "./histogram";
+import { isTube, TubeList } from "./tube-list";
 import type { View } from "./view";
 import { number } from "./words";
 
@@ -9,7 +11,7 @@ const BINS = 24;
 /** Of the drawing; it is scaled to the width there is. */
 const [WIDTH, HEIGHT] = [240, 90];
 
-/** How the sheets' area is spread over the values, and the summary of each structure. */
+/** How the area is spread over the values, the summary of each structure, and what tubes measure. */
 export function ThicknessPanel({ view }: { view: View }) {
   const shown = view.numbers.structures.filter(
     ({ index, figures }) => figures.length > 0 && view.shownStructures.value.has(index),
@@ -18,6 +20,7 @@ export function ThicknessPanel({ view }: { view: View }) {
     <>
       <Histogram view={view} />
       <SummaryTable structures={shown} />
+      <TubeList structures={shown} />
     </>
   );
 }
@@ -48,7 +51,7 @@ function Histogram({ view }: { view: View }) {
     <figure class="histogram">
       <figcaption>
         {label}
-        {unit && `, ${unit}`}: share of the sheet's area
+        {unit && `, ${unit}`}: share of {areaName(view.shownFigures.value)}
       </figcaption>
       <svg
         viewBox={`0 0 ${WIDTH} ${HEIGHT}`}
@@ -67,13 +70,20 @@ function Histogram({ view }: { view: View }) {
 
 function weighted(view: View, quantity: Quantity) {
   return view.shownFigures.value.flatMap((figure) => {
-    const surfaces: Surface[] = quantity === "each" ? ["upper", "lower"] : ["medial"];
-    return surfaces.flatMap((surface) =>
+    // A sheet has its area once and two sides; the wall of a tube is both of its sides.
+    const share = figure.kind === "tube" && quantity !== "each" ? 0.5 : 1;
+    return countedSurfaces(figure, quantity).flatMap((surface) =>
       valuesOf(figure, quantity, surface).flatMap((value, node) =>
-        value === null ? [] : [{ value, weight: figure.area_mm2?.[node] ?? 0 }],
+        value === null ? [] : [{ value, weight: share * (figure.area_mm2?.[node] ?? 0) }],
       ),
     );
   });
+}
+
+function areaName(figures: readonly ResultFigure[]): string {
+  const tubes = figures.filter(({ kind }) => kind === "tube");
+  if (tubes.length === 0) return "the sheet's area";
+  return tubes.length === figures.length ? "the wall's area" : "the area of sheets and walls";
 }
 
 function SummaryTable({ structures }: { structures: Structure[] }) {
@@ -94,30 +104,46 @@ function SummaryTable({ structures }: { structures: Structure[] }) {
           </tr>
         </thead>
         <tbody>
-          {structures.flatMap(({ index, label, thickness_summary: { upper_mm, lower_mm, total_mm, area_mm2 } }) => [
-            <SpreadRow key={`${index}t`} label={label} side="both" spread={total_mm} area={area_mm2} />,
-            <SpreadRow key={`${index}u`} label={label} side="upper" spread={upper_mm} area={null} />,
-            <SpreadRow key={`${index}l`} label={label} side="lower" spread={lower_mm} area={null} />,
-          ])}
+          {structures.flatMap((structure) =>
+            summaryRows(structure).map((row) => <SpreadRow key={`${structure.index} ${row.side}`} row={row} />),
+          )}
         </tbody>
       </table>
     </section>
   );
 }
 
-function SpreadRow({
-  label,
-  side,
-  spread,
-  area,
-}: {
+interface SummaryRow {
   label: number;
+  /** Another one in each row of a structure. */
   side: string;
   spread: Spread;
   area: number | null;
-}) {
+}
+
+/** Both sides of all figures, each side of the sheets together, and each tube by itself. */
+function summaryRows({ label, figures, thickness_summary }: Structure): SummaryRow[] {
+  const { upper_mm, lower_mm, total_mm, area_mm2 } = thickness_summary;
+  const rows: SummaryRow[] = [];
+  const add = (side: string, spread: Spread | undefined, area: number | null) => {
+    if (spread) rows.push({ label, side, spread, area });
+  };
+  add("both", total_mm, area_mm2);
+  if (!figures.every(isTube)) {
+    add("upper", upper_mm, null);
+    add("lower", lower_mm, null);
+  }
+  const tubes = figures.filter(isTube);
+  for (const { index, thickness_summary } of tubes) {
+    const side = tubes.length > 1 ? `wall, figure ${index}` : "wall";
+    add(side, thickness_summary.wall_mm, thickness_summary.area_mm2);
+  }
+  return rows;
+}
+
+function SpreadRow({ row: { label, side, spread, area } }: { row: SummaryRow }) {
   return (
-    <tr class={side}>
+    <tr class={side === "both" ? "both" : ""}>
       <th scope="row">{label}</th>
       <td>{side}</td>
       {[spread.mean, spread.sd, spread.p5, spread.p50, spread.p95].map((value, at) => (

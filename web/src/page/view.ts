@@ -13,7 +13,7 @@ import {
   type ResultFigure,
   withDifference,
 } from "../model/result";
-import type { Thickness } from "../model/thickness";
+import type { FigureKind, Thickness } from "../model/thickness";
 import type { MedialViewer } from "../viewer";
 
 export const LAYER_NAMES: [Layer, string][] = [
@@ -22,9 +22,21 @@ export const LAYER_NAMES: [Layer, string][] = [
   ["upper", "Upper surface"],
   ["lower", "Lower surface"],
   ["crest", "Crest"],
+  ["centreline", "Centreline"],
+  ["wall", "Wall"],
   ["vectors", "Thickness vectors"],
   ["closed", "Closed surface"],
 ];
+
+/** The layers that only figures of one kind have. */
+const KIND_OF: Partial<Record<Layer, FigureKind>> = {
+  medial: "sheet",
+  upper: "sheet",
+  lower: "sheet",
+  crest: "sheet",
+  centreline: "tube",
+  wall: "tube",
+};
 
 /** Layers, colours and what is hidden: two results that are compared share one. */
 export class Style {
@@ -86,6 +98,16 @@ export class View {
   }
 
   readonly quantities = computed(() => quantitiesOf(this.result));
+
+  /** The layers that there are, of the partner's too. */
+  readonly layerNames = computed(() => {
+    const results = this.partner === null ? [this.result] : [this.result, this.partner.result];
+    const kinds = new Set(results.flatMap(figuresOf).map(({ kind }) => kind));
+    return LAYER_NAMES.filter(([layer]) => {
+      const kind = KIND_OF[layer];
+      return kind === undefined || kinds.has(kind);
+    });
+  });
 
   readonly shownStructures = computed(() => {
     const hidden = this.style.hidden.value;

@@ -1,7 +1,7 @@
 /** Numbers, times and states in words. */
 
 import type { Job, Progress } from "../api/client";
-import type { Structure } from "../model/thickness";
+import type { Figure, Structure } from "../model/thickness";
 
 export function bytes(count: number): string {
   const units = ["B", "kB", "MB", "GB"];
@@ -20,6 +20,11 @@ export function number(value: number | null | undefined, decimals = 2): string {
 /** A structure by its name, where it has one, and its label. */
 export function structureName({ label, name }: Pick<Structure, "label" | "name">): string {
   return name ? `${name} (label ${label})` : `label ${label}`;
+}
+
+/** A figure by its number; sheets are what figures are as a rule. */
+export function figureName({ index, kind }: Pick<Figure, "index" | "kind">): string {
+  return kind === "tube" ? `figure ${index} (tube)` : `figure ${index}`;
 }
 
 export function duration(seconds: number): string {

@@ -1,5 +1,5 @@
 import { type NodeInfo, nodeInfo, sameNode } from "../model/node-info";
-import { figuresOf, type NodeRef, type Result, refOf } from "../model/result";
+import { figuresOf, type NodeRef, positionsOf, type Result, refOf } from "../model/result";
 import type { Shown } from "./shown";
 
 /** Which nodes are pointed at and picked. */
@@ -30,7 +30,7 @@ export class Attention {
   neighbour(result: Result, shown: Shown, by: 1 | -1): NodeRef | null {
     const nodes = figuresOf(result)
       .filter(({ structure, index }) => shown.figure(structure, index))
-      .flatMap((figure) => figure.medial.flatMap((point, node) => (point ? [refOf(figure, node)] : [])));
+      .flatMap((figure) => positionsOf(figure).flatMap((point, node) => (point ? [refOf(figure, node)] : [])));
     const at = nodes.findIndex((node) => sameNode(node, this.hovered));
     const next = at < 0 ? (by > 0 ? 0 : nodes.length - 1) : (at + by + nodes.length) % nodes.length;
     return nodes[next] ?? null;

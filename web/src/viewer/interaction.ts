@@ -1,14 +1,22 @@
 import { distances, type NodeInfo } from "../model/node-info";
-import { figureOf, indexOf, type NodeRef, type Result } from "../model/result";
-import type { Surface } from "../model/thickness";
+import {
+  figureOf,
+  indexOf,
+  type NodeRef,
+  placesOf,
+  positionsOf,
+  type Result,
+  type ResultStructure,
+} from "../model/result";
+import { SURFACES_OF, type Surface } from "../model/thickness";
 import { Attention } from "./attention";
 import type { Drawing } from "./drawing";
 import type { Emit } from "./events";
 import { type KeyActions, pressKey } from "./keyboard";
 import { drawMarks, type Marked } from "./overlay";
-import { nodeAt, project, type ScreenPoint } from "./picking";
+import { nodeAt, project, refusedAt, type ScreenPoint } from "./picking";
 import { Pointer } from "./pointer";
-import { distanceText, sentenceOf } from "./reading";
+import { distanceText, refusalOf, sentenceOf } from "./reading";
 import type { Shown } from "./shown";
 import type { Surroundings } from "./surroundings";
 import type { Theme } from "./theme";
@@ -79,7 +87,7 @@ export class Interaction {
     const { result, surroundings } = this.#scene;
     if (!result || !this.#attention.pick(result, node)) return;
     const [from, to] = this.#attention.picks;
-    if (from && to) surroundings.announce(`Distance ${distanceText(distances(result, from, to))}.`);
+    if (from && to) surroundings.announce(`Distance ${distanceText(distances(result, from, to), from.kind)}.`);
     else surroundings.announce(from ? `Picked node row ${from.i}, column ${from.j}.` : "No node is picked.");
     this.#picksChanged();
   }
@@ -101,7 +109,7 @@ export class Interaction {
   screenOf(node: NodeRef, surface: Surface): ScreenPoint | null {
     const { result, drawing } = this.#scene;
     const figure = result && figureOf(result, node.structure, node.figure);
-    const point = figure?.[surface][indexOf(figure, node)];
+    const point = figure && placesOf(figure, surface)[indexOf(figure, node)];
     return point && drawing ? project(point, drawing.orbit.camera, drawing.stage.size) : null;
   }
 
@@ -123,7 +131,7 @@ export class Interaction {
     const hovered = this.#attention.hovered && isShown(this.#attention.hovered) ? this.#attention.hovered : null;
     const picks = this.#attention.picks.filter(isShown);
     const [from, to] = picks;
-    const distance = from && to ? distanceText(distances(result, from, to)) : null;
+    const distance = from && to ? distanceText(distances(result, from, to), from.kind) : null;
     const marks = { hovered: hovered && markedOf(result, hovered), picks, distance };
     drawMarks(context, marks, (point) => project(point, orbit.camera, stage.size), theme);
   }
@@ -139,6 +147,17 @@ export class Interaction {
     const node = at && this.#nodeAt(at);
     this.#scene.surroundings.stage.classList.toggle("over", node !== null);
     this.#point(node, at);
+    if (at && !node) this.#tellRefusal(at);
+  }
+
+  /** Tells why there is nothing but the object, where that is so. */
+  #tellRefusal(at: ScreenPoint): ResultStructure | null {
+    const { drawing, result, shown, surroundings } = this.#scene;
+    if (!drawing || !result) return null;
+    const { view, orbit, stage } = drawing;
+    const refused = refusedAt(at, { view, shown, result }, orbit.camera, stage.size);
+    if (refused) surroundings.tooltip.tell(refused, at, stage.size);
+    return refused;
   }
 
   /** A person points at a node; the reading is shown at a place on the screen. */
@@ -158,13 +177,19 @@ export class Interaction {
     const node = this.#nodeAt(at);
     this.#point(node, at);
     if (node) this.pick(node);
+    else this.#announceRefusal(this.#tellRefusal(at));
+  }
+
+  #announceRefusal(refused: ResultStructure | null): void {
+    if (refused) this.#scene.surroundings.announce(refusalOf(refused).join(": "));
   }
 
   #step(by: 1 | -1): void {
     const { result, shown, surroundings } = this.#scene;
     const node = result && this.#attention.neighbour(result, shown, by);
     if (!node) return;
-    this.#point(node, this.screenOf(node, "medial"));
+    const kind = figureOf(result, node.structure, node.figure)?.kind ?? "sheet";
+    this.#point(node, this.screenOf(node, SURFACES_OF[kind][0] ?? "medial"));
     if (this.#attention.hovered) surroundings.announce(sentenceOf(this.#attention.hovered));
   }
 
@@ -188,6 +213,7 @@ function markedOf(result: Result, at: NodeRef): Marked | null {
   const figure = figureOf(result, at.structure, at.figure);
   if (!figure) return null;
   const node = indexOf(figure, at);
-  const medial = figure.medial[node];
-  return medial ? { medial, upper: figure.upper[node] ?? null, lower: figure.lower[node] ?? null } : null;
+  const position = positionsOf(figure)[node];
+  const others = figure.kind === "tube" ? [figure.medial] : [figure.upper, figure.lower];
+  return position ? { position, ends: others.map((places) => places[node] ?? null) } : null;
 }

@@ -2,7 +2,7 @@ import { cssColorOf } from "../model/colors";
 import { QUANTITIES, type Quantity, type Range } from "../model/quantity";
 import { figuresOf, type Result } from "../model/result";
 import { ticks } from "../model/scale";
-import { SURFACES } from "../model/thickness";
+import { SURFACES, SURFACES_OF } from "../model/thickness";
 import { make } from "./dom";
 
 const STOPS = 24;
@@ -59,7 +59,7 @@ export class Legend {
     for (const part of [this.#bar, this.#ticks, this.#form]) part.hidden = !scale;
     this.#categories.hidden = scale;
     if (!scale) {
-      this.#categories.replaceChildren(...namesOf(result, quantity).map((name, n) => category(name, quantity, n)));
+      this.#categories.replaceChildren(...categoriesOf(result, quantity).map((each) => itemOf(each, quantity)));
       return;
     }
     const [low, high] = range;
@@ -85,11 +85,26 @@ function complaint(typed: number, low: number, high: number): string {
   return high > low ? "" : "The lowest value has to be below the highest.";
 }
 
-/** Names of the categories, in the order of their values. */
-export function namesOf(result: Result, quantity: Quantity): string[] {
-  if (quantity === "side") return SURFACES.map((side) => side.charAt(0).toUpperCase() + side.slice(1));
+interface Category {
+  value: number;
+  name: string;
+}
+
+/** The categories that a result has, in the order of their values. */
+export function categoriesOf(result: Result, quantity: Quantity): Category[] {
+  const figures = figuresOf(result);
+  if (quantity === "side") {
+    const had = SURFACES.filter((surface) => figures.some(({ kind }) => SURFACES_OF[kind].includes(surface)));
+    return had.map((side) => ({
+      value: SURFACES.indexOf(side),
+      name: side.charAt(0).toUpperCase() + side.slice(1),
+    }));
+  }
   const labels = new Map(result.structures.map(({ index, label }) => [index, label]));
-  return figuresOf(result).map(({ structure, index }) => `Label ${labels.get(structure)}, figure ${index}`);
+  return figures.map(({ structure, index, order }) => ({
+    value: order,
+    name: `Label ${labels.get(structure)}, figure ${index}`,
+  }));
 }
 
 /** Colours at equal distances along the scale. */
@@ -98,7 +113,7 @@ export function stops(quantity: Quantity, range: Range): string[] {
   return Array.from({ length: STOPS + 1 }, (_, n) => cssColorOf(quantity, low + ((high - low) * n) / STOPS, range));
 }
 
-function category(name: string, quantity: Quantity, value: number): HTMLLIElement {
+function itemOf({ name, value }: Category, quantity: Quantity): HTMLLIElement {
   const item = make("li", "");
   const swatch = make("span", "swatch");
   swatch.style.background = cssColorOf(quantity, value, [0, 1]);

@@ -21,11 +21,12 @@ const CREST = [160, 160, 160, 90] as const;
 export class ModelView {
   readonly group = new Group();
   readonly medial: Merged;
-  /** Upper, lower and crest: what is translucent and has colours of its own, and so has to be in order. */
+  /** Upper, lower, crest and wall: what is translucent and has colours of its own, and so has to be in order. */
   readonly sides: Merged;
-  #skins: Merged;
+  /** The objects as they were sent. */
+  readonly skins: Merged;
   #closed: Merged;
-  #vectors: Merged;
+  #lines: Merged;
   #order: TriangleOrder;
   #coarseSkins: Merged | null = null;
   #materials: Materials;
@@ -38,18 +39,18 @@ export class ModelView {
     this.#materials = materials;
     const merged = (...layers: Layer[]) => new Merged(model.meshes.filter(({ layer }) => layers.includes(layer)));
     this.medial = merged("medial");
-    this.sides = merged("upper", "lower", "crest");
-    this.#skins = merged("object");
+    this.sides = merged("upper", "lower", "crest", "wall");
+    this.skins = merged("object");
     this.#closed = merged("closed");
-    this.#vectors = merged("vectors");
+    this.#lines = merged("vectors", "centreline");
     this.#order = new TriangleOrder(this.sides);
     for (const colored of [this.medial, this.sides]) colored.enableColors();
     this.#add(new Mesh(this.medial.geometry, materials.solid), 0);
-    this.#add(new LineSegments(this.#vectors.geometry, materials.lines), 1);
+    this.#add(new LineSegments(this.#lines.geometry, materials.lines), 1);
     this.#add(new Mesh(this.sides.geometry, materials.translucent), 2);
     this.#add(new Mesh(this.#closed.geometry, materials.closed), 3);
     // Last: it is round everything else, and being of one colour needs no order in itself.
-    this.#fineSkin = this.#add(new Mesh(this.#skins.geometry, materials.skin), 4);
+    this.#fineSkin = this.#add(new Mesh(this.skins.geometry, materials.skin), 4);
     this.reshow();
   }
 
@@ -72,7 +73,7 @@ export class ModelView {
    */
   prepare(forward: Vector3, cheap: boolean): void {
     this.#order.sort(forward);
-    const coarsely = cheap && this.#skins.count > 3 * CHEAP_TRIANGLES;
+    const coarsely = cheap && this.skins.count > 3 * CHEAP_TRIANGLES;
     if (coarsely && !this.#coarseSkin) this.#addCoarseSkin();
     this.#fineSkin.visible = !coarsely;
     if (this.#coarseSkin) this.#coarseSkin.visible = coarsely;
@@ -95,12 +96,12 @@ export class ModelView {
   }
 
   #all(): Merged[] {
-    const all = [this.medial, this.sides, this.#skins, this.#closed, this.#vectors];
+    const all = [this.medial, this.sides, this.skins, this.#closed, this.#lines];
     return this.#coarseSkins ? [...all, this.#coarseSkins] : all;
   }
 
   #addCoarseSkin(): void {
-    this.#coarseSkins = new Merged(coarse(this.#skins.parts, CHEAP_TRIANGLES));
+    this.#coarseSkins = new Merged(coarse(this.skins.parts, CHEAP_TRIANGLES));
     this.#coarseSkins.show(({ mesh }) => this.#shown.mesh(mesh));
     this.#coarseSkin = this.#add(new Mesh(this.#coarseSkins.geometry, this.#materials.skin), 4);
   }

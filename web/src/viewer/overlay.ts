@@ -4,11 +4,10 @@ import type { Point } from "../model/thickness";
 import type { ScreenPoint } from "./picking";
 import type { Theme } from "./theme";
 
-/** What is marked: positions of a node on the three surfaces, RAS mm. */
+/** What is marked: a node, and the ends of its vectors; RAS mm. */
 export interface Marked {
-  medial: Point;
-  upper: Point | null;
-  lower: Point | null;
+  position: Point;
+  ends: (Point | null)[];
 }
 
 interface Marks {
@@ -24,8 +23,9 @@ type Project = (point: Point) => ScreenPoint | null;
 export function drawMarks(context: CanvasRenderingContext2D, marks: Marks, project: Project, theme: Theme): void {
   const pen = new Pen(context, cssOf(theme.ink), cssOf(theme.background));
   if (marks.hovered) {
-    const { medial, upper, lower } = marks.hovered;
-    const [middle, ...ends] = [medial, upper, lower].map((point) => point && project(point));
+    const { position, ends: points } = marks.hovered;
+    const middle = project(position);
+    const ends = points.map((point) => point && project(point));
     for (const end of ends) {
       if (middle && end) pen.line(middle, end);
       if (end) pen.ring(end, 3);

@@ -1,7 +1,16 @@
 import { type Camera, Ray, Vector3 } from "three";
-import type { GlbMesh } from "../model/glb";
-import { figureOf, figuresOf, type NodeRef, type Result, refOf } from "../model/result";
-import { SURFACES } from "../model/thickness";
+import type { GlbMesh, Layer } from "../model/glb";
+import {
+  figureOf,
+  figuresOf,
+  type NodeRef,
+  placesOf,
+  type Result,
+  type ResultFigure,
+  type ResultStructure,
+  refOf,
+} from "../model/result";
+import { SURFACES_OF, type Surface } from "../model/thickness";
 import type { Part } from "./merged";
 import type { ModelView } from "./model-view";
 import type { Shown } from "./shown";
@@ -29,7 +38,8 @@ export function project(point: readonly [number, number, number], camera: Camera
 
 /**
  * The node a person means who points there: of all surfaces under the pointer, down to the first that cannot be seen
- * through, the node that is nearest to the pointer on the screen; beside the surfaces the nearest within reach.
+ * through, the node that is nearest to the pointer on the screen; beside the surfaces the nearest within reach. The
+ * wall of a tube is meant where it is met first, not on its far side.
  */
 export function nodeAt(
   at: ScreenPoint,
@@ -37,11 +47,14 @@ export function nodeAt(
   camera: Camera,
   size: Size,
 ): NodeRef | null {
-  const hits = hitsOf(rayThrough(at, camera, size), [...view.medial.parts, ...view.sides.parts], shown);
-  const wall = Math.min(...hits.filter(({ mesh }) => mesh.layer === "medial").map(({ distance }) => distance));
+  const hits = hitsOf(
+    rayThrough(at, camera, size),
+    [...view.medial.parts, ...view.sides.parts].filter(({ mesh }) => mesh.nodes),
+    shown,
+  );
   let nearest = Number.POSITIVE_INFINITY;
   let found: NodeRef | null = null;
-  for (const { mesh, corners } of hits.filter(({ distance }) => distance <= wall)) {
+  for (const { mesh, corners } of hits.filter((hit) => isMeant(hit, hits))) {
     for (const vertex of corners) {
       const [x = 0, y = 0, z = 0] = mesh.positions.subarray(3 * vertex, 3 * vertex + 3);
       const away = distanceOnScreen(project([x, y, z], camera, size), at);
@@ -73,7 +86,7 @@ function hitsOf(ray: Ray, parts: readonly Part[], shown: Shown): Hit[] {
   const hits: Hit[] = [];
   const [a, b, c, hit] = [new Vector3(), new Vector3(), new Vector3(), new Vector3()];
   for (const { mesh, box } of parts) {
-    if (!mesh.nodes || !shown.mesh(mesh) || !ray.intersectsBox(box)) continue;
+    if (!shown.mesh(mesh) || !ray.intersectsBox(box)) continue;
     const { indices, positions } = mesh;
     for (let n = 0; n < indices.length; n += 3) {
       const corners: Hit["corners"] = [indices[n] ?? 0, indices[n + 1] ?? 0, indices[n + 2] ?? 0];
@@ -88,14 +101,34 @@ function hitsOf(ray: Ray, parts: readonly Part[], shown: Shown): Hit[] {
   return hits;
 }
 
+/** Whether it is before everything that hides what is behind it. */
+function isMeant(hit: Hit, hits: readonly Hit[]): boolean {
+  const hides = ({ mesh }: Hit) => mesh.layer === "medial" || (mesh.layer === "wall" && mesh === hit.mesh);
+  return hits.every((other) => !hides(other) || hit.distance <= other.distance);
+}
+
+/** The structure without figures whose object is there. */
+export function refusedAt(
+  at: ScreenPoint,
+  { view, shown, result }: { view: ModelView; shown: Shown; result: Result },
+  camera: Camera,
+  size: Size,
+): ResultStructure | null {
+  const refused = result.structures.filter(({ refusal }) => refusal !== null);
+  const parts = view.skins.parts.filter(({ mesh }) => refused.some(({ index }) => index === mesh.structure));
+  const hits = hitsOf(rayThrough(at, camera, size), parts, shown);
+  const [first] = hits.sort((a, b) => a.distance - b.distance);
+  return refused.find(({ index }) => index === first?.mesh.structure) ?? null;
+}
+
 function nearestNode(at: ScreenPoint, shown: Shown, result: Result, camera: Camera, size: Size): NodeRef | null {
   let nearest = REACH;
   let found: NodeRef | null = null;
   for (const figure of figuresOf(result)) {
-    for (const surface of SURFACES) {
-      const layer = shown.layers.has("vectors") ? "vectors" : surface;
+    for (const [surface, own] of layersOf(figure)) {
+      const layer = shown.layers.has("vectors") ? "vectors" : own;
       if (!shown.mesh({ layer, structure: figure.structure, figure: figure.index })) continue;
-      figure[surface].forEach((point, node) => {
+      placesOf(figure, surface).forEach((point, node) => {
         const distance = distanceOnScreen(point && project(point, camera, size), at);
         if (distance >= nearest) return;
         nearest = distance;
@@ -104,6 +137,12 @@ function nearestNode(at: ScreenPoint, shown: Shown, result: Result, camera: Came
     }
   }
   return found;
+}
+
+/** Where a figure has nodes, and what shows them there. */
+function layersOf({ kind }: ResultFigure): [Surface, Layer][] {
+  const own = SURFACES_OF[kind].map((surface): [Surface, Layer] => [surface, surface]);
+  return kind === "tube" ? [...own, ["medial", "centreline"]] : own;
 }
 
 function distanceOnScreen(place: ScreenPoint | null, at: ScreenPoint): number {

@@ -2,7 +2,7 @@ import { cssColorOf, cssOf } from "../model/colors";
 import { QUANTITIES } from "../model/quantity";
 import type { Result } from "../model/result";
 import { ticks } from "../model/scale";
-import { type LegendState, namesOf, stops } from "./legend";
+import { categoriesOf, type LegendState, stops } from "./legend";
 import type { Theme } from "./theme";
 
 const MOST_NAMES = 12;
@@ -19,12 +19,12 @@ export function drawLegend(
   context.font = "600 13px system-ui, sans-serif";
   const title = unit ? `${label}, ${unit}` : label;
   if (kind === "categorical") {
-    const names = namesOf(result, quantity).slice(0, MOST_NAMES);
-    context.fillText(title, 16, height - 20 - 18 * names.length);
+    const categories = categoriesOf(result, quantity).slice(0, MOST_NAMES);
+    context.fillText(title, 16, height - 20 - 18 * categories.length);
     context.font = "13px system-ui, sans-serif";
-    names.forEach((name, n) => {
-      const y = height - 16 - 18 * (names.length - n - 1);
-      context.fillStyle = cssColorOf(quantity, n, range);
+    categories.forEach(({ name, value }, n) => {
+      const y = height - 16 - 18 * (categories.length - n - 1);
+      context.fillStyle = cssColorOf(quantity, value, range);
       context.fillRect(16, y - 10, 12, 12);
       context.fillStyle = cssOf(theme.ink);
       context.fillText(name, 34, y);

@@ -31,12 +31,12 @@ function addStructure(model: GlbModel, node: Object3D): void {
   const structure: GlbStructure = { index, label, refusal, figures: [] };
   model.structures.push(structure);
   for (const child of node.children) {
-    const { figure: number, rows, cols } = child.userData;
+    const { figure: number, rows, cols, kind } = child.userData;
     if (typeof number !== "number") {
       addMesh(model, child, index, null);
       continue;
     }
-    const figure: GlbFigure = { index: number, rows, cols };
+    const figure: GlbFigure = { kind: kind === "tube" ? "tube" : "sheet", index: number, rows, cols };
     structure.figures.push(figure);
     for (const mesh of child.children) addMesh(model, mesh, index, figure);
   }
@@ -66,13 +66,14 @@ function numbersOf(geometry: BufferGeometry, name: string): Float32Array | null 
   return array instanceof Float32Array ? array : null;
 }
 
-/** The texture coordinates are (j, i), each as a share of its last value. */
-function nodesOf(places: Float32Array, { rows, cols }: GlbFigure): Uint32Array {
+/** The texture coordinates are (j, i), each as a share of its last value; round a tube, row 0 comes again as the last. */
+function nodesOf(places: Float32Array, { kind, rows, cols }: GlbFigure): Uint32Array {
+  const last = kind === "tube" ? rows : rows - 1;
   const nodes = new Uint32Array(places.length / 2);
   for (let vertex = 0; vertex < nodes.length; vertex++) {
     const j = Math.round((places[2 * vertex] ?? 0) * Math.max(1, cols - 1));
-    const i = Math.round((places[2 * vertex + 1] ?? 0) * Math.max(1, rows - 1));
-    nodes[vertex] = i * cols + j;
+    const i = Math.round((places[2 * vertex + 1] ?? 0) * Math.max(1, last));
+    nodes[vertex] = (i % rows) * cols + j;
   }
   return nodes;
 }

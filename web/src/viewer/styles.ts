@@ -64,6 +64,7 @@ styles.replaceSync(`
 .tooltip { position: absolute; left: 0; top: 0; padding: 6px 10px; pointer-events: none; white-space: nowrap; box-shadow: 0 1px 6px rgb(0 0 0 / 0.3); background: var(--viewer-background, light-dark(#fff, #1d2026)); border-radius: 6px; font-variant-numeric: tabular-nums; }
 .tooltip dl { display: grid; grid-template-columns: auto auto; gap: 0 12px; margin: 2px 0 0; }
 .tooltip dd { margin: 0; text-align: right; }
+.tooltip p { margin: 2px 0 0; max-width: 32ch; white-space: normal; }
 .message { position: absolute; inset: 0; display: grid; place-content: center; padding: 16px; text-align: center; margin: 0; }
 .hint { position: absolute; left: 50%; top: 12px; translate: -50%; padding: 4px 10px; margin: 0; pointer-events: none; }
 .unseen { position: absolute; width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%); white-space: nowrap; }

@@ -1,7 +1,7 @@
 import { beforeAll, describe, expect, it } from "vitest";
 import type { GlbModel } from "../../src/model/glb";
 import { fromGlb } from "../../src/model/glb-result";
-import { figuresOf, fromThickness } from "../../src/model/result";
+import { figuresOf, fromThickness, placesOf, type Result, type ResultSheet } from "../../src/model/result";
 import type { Thickness } from "../../src/model/thickness";
 import { readGlb } from "../../src/viewer/read-glb";
 import { sampleResult } from "../support/service";
@@ -46,10 +46,11 @@ describe("a result from model.glb alone", () => {
     expect(alone.structures.map(({ index, label }) => [index, label])).toEqual(
       full.structures.map(({ index, label }) => [index, label]),
     );
-    const pairs = figuresOf(alone).map((figure, n) => [figure, figuresOf(full)[n]] as const);
+    const pairs = sheetsOf(alone).map((sheet, n) => [sheet, sheetsOf(full)[n]] as const);
     for (const [got, wanted] of pairs) {
       expect([got.rows, got.cols, got.order]).toEqual([wanted?.rows, wanted?.cols, wanted?.order]);
-      for (const surface of ["medial", "upper", "lower"] as const) near(got[surface].flat(), wanted?.[surface].flat());
+      for (const surface of ["medial", "upper", "lower"] as const)
+        near(placesOf(got, surface).flat(), wanted && placesOf(wanted, surface).flat());
       for (const list of ["upper_mm", "lower_mm", "total_mm"] as const) near(got[list], wanted?.[list]);
     }
   });
@@ -60,6 +61,10 @@ describe("a result from model.glb alone", () => {
     }
   });
 });
+
+function sheetsOf(result: Result): ResultSheet[] {
+  return figuresOf(result).filter((figure) => figure.kind === "sheet");
+}
 
 /** A node that belongs to no quad is missing in the file. */
 function near(got: (number | null)[], wanted: (number | null)[] | undefined): void {
@@ -76,7 +81,7 @@ describe("thickness.json", () => {
     const changed = structuredClone(thickness);
     const figure = changed.structures[0]?.figures[0];
     if (figure) figure.valid[3] = false;
-    const [first] = figuresOf(fromThickness(changed));
+    const [first] = sheetsOf(fromThickness(changed));
     expect([first?.medial[3], first?.upper_mm[3], first?.radius_mm?.[3], first?.intrinsic?.upper[3]]).toEqual([
       null,
       null,

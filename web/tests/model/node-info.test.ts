@@ -14,8 +14,10 @@ describe("reading of a node", () => {
     expect(nodeInfo(resultOf(figure()), node(1, 1))).toEqual({
       ...node(1, 1),
       label: 11,
+      kind: "sheet",
       upper_mm: 1,
       lower_mm: 2.4,
+      wall_mm: null,
       total_mm: 3.4,
       radius_mm: 1.7,
       sd_mm: null,

@@ -6,8 +6,10 @@ import { difference } from "../../src/page/difference";
 import { barMm, frameOf, nodeTree, place } from "../../src/page/flat";
 import { histogram } from "../../src/page/histogram";
 import { keyOf, parsePoints } from "../../src/page/points";
-import { bytes, duration } from "../../src/page/words";
-import { figure } from "../support/made-up";
+import { tubeText } from "../../src/page/tube-list";
+import { bytes, duration, figureName } from "../../src/page/words";
+import { bentTube } from "../support/bent-tube";
+import { figure, tube } from "../support/made-up";
 
 const HEAD = "structure,figure,surface,x_mm,y_mm,z_mm,u_mm,v_mm";
 
@@ -96,6 +98,27 @@ test("what cannot be compared is named", () => {
     "label 5 has 1 and 0 figures",
     "label 9 is in the second only",
   ]);
+});
+
+test("tubes are compared node by node, and with tubes only", () => {
+  const wider = tube({ total_mm: tube().total_mm.map(() => 4.5) });
+  const found = difference(result([7, tube()]), result([7, wider]));
+  expect(found.left).toEqual([]);
+  expect(found.summary).toMatchObject({ nodes: 12, mean: 0.5, sd: 0, largest: 0.5 });
+  expect(difference(result([7, tube()]), result([7, figure({ rows: 4 })])).left).toEqual([
+    "label 7: figure 0 is a tube and a sheet",
+  ]);
+  expect(difference(result([7, tube()]), result([7, tube({ rows: 6, cols: 2 })])).left).toEqual([
+    "label 7: grids are 4 × 3 and 6 × 2",
+  ]);
+});
+
+test("what a tube measures is told in words", () => {
+  expect(tubeText(bentTube().tube)).toBe(
+    "47.1 mm long, mean radius 5.50 mm, mean diameter 11.00 mm (5 to 95 %: 10.2 to 11.8), mean section 95.3 mm², tortuosity 1.11",
+  );
+  expect(figureName({ index: 2, kind: "tube" })).toBe("figure 2 (tube)");
+  expect(figureName({ index: 2 })).toBe("figure 2");
 });
 
 test("the curl lines hold the parameters, and a place for the token, never the token", () => {

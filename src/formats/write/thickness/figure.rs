@@ -6,6 +6,7 @@ use super::super::rounded::{Rounded, numbers, optional, pairs, triples};
 use super::evidence::{AutomaticDoc, FrameDoc, UncertaintyDoc};
 use super::quality::FigureQualityDoc;
 use super::surfaces::Surfaces;
+use super::tube::TubeDoc;
 use crate::model::{Figure, LatticeSize, LengthSummary, NodeRepair, Sheet, Side, ThicknessSummary};
 use crate::space::WorldVector;
 
@@ -15,6 +16,8 @@ use crate::space::WorldVector;
 pub enum FigureDoc {
     /// `kind: "sheet"`.
     Sheet(Box<SheetDoc>),
+    /// `kind: "tube"`.
+    Tube(Box<TubeDoc>),
 }
 
 /// A sheet and its two sides. Lists of nodes hold rows · cols entries, row-major.
@@ -94,6 +97,9 @@ pub struct SummaryDoc {
     pub upper_mm: LengthDoc,
     pub lower_mm: LengthDoc,
     pub total_mm: LengthDoc,
+    /// Length of the vectors to the walls of tubes; `null` without any.
+    #[serde(default)]
+    pub wall_mm: LengthDoc,
     pub area_mm2: Rounded,
 }
 
@@ -112,6 +118,7 @@ impl FigureDoc {
     pub(super) fn of(index: usize, figure: &Figure) -> Self {
         match figure {
             Figure::Sheet(sheet) => Self::Sheet(Box::new(SheetDoc::of(index, sheet))),
+            Figure::Tube(tube) => Self::Tube(Box::new(TubeDoc::of(index, tube))),
         }
     }
 }
@@ -152,7 +159,7 @@ impl SheetDoc {
     }
 }
 
-fn displacements(vectors: &[WorldVector]) -> Vec<[Rounded; 3]> {
+pub(super) fn displacements(vectors: &[WorldVector]) -> Vec<[Rounded; 3]> {
     vectors.iter().map(|v| super::super::rounded::triple(*v)).collect()
 }
 
@@ -168,6 +175,7 @@ impl From<ThicknessSummary> for SummaryDoc {
             upper_mm: summary.upper_mm.into(),
             lower_mm: summary.lower_mm.into(),
             total_mm: summary.total_mm.into(),
+            wall_mm: summary.wall_mm.into(),
             area_mm2: Rounded(summary.area_mm2),
         }
     }

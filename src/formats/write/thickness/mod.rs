@@ -11,6 +11,8 @@ mod evidence;
 
 mod figure;
 
+mod tube;
+
 use std::io::{self, Write};
 
 use serde::{Deserialize, Serialize};
@@ -34,6 +36,10 @@ pub use quality::{
     ReasonDoc, ThresholdDoc, WorldPlaceDoc,
 };
 pub use surfaces::Surfaces;
+pub use tube::{
+    CapsDoc, KindDoc, SectionsDoc, TubeAutomaticDoc, TubeDoc, TubeGridDoc, TubeKind, TubeSummaryDoc, WallDoc,
+    WallSummaryDoc, WallThicknessDoc, WallUncertaintyDoc,
+};
 
 /// Name and version of the schema.
 pub const SCHEMA: &str = "medialrep/thickness/1";

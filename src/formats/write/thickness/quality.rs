@@ -204,7 +204,7 @@ impl From<&FigureQuality> for FigureQualityDoc {
             folds: quality.folds,
             repair: (&quality.repair).into(),
             corners: quality.corners,
-            folded_cells: quality.folded_cells.iter().map(PlaceDoc::from).collect(),
+            folded_cells: folded_cells(quality),
             folded_centres: quality.folded_centres,
             folded_wedges: quality.folded_wedges.iter().map(PlaceDoc::from).collect(),
             self_intersections: quality.self_intersections,
@@ -216,6 +216,15 @@ impl From<&FigureQuality> for FigureQualityDoc {
             outside_share: Rounded(quality.outside_share),
         }
     }
+}
+
+/// Cells of a sheet, or wedges of a tube, that are turned over.
+fn folded_cells(quality: &FigureQuality) -> Vec<PlaceDoc> {
+    let mut cells: Vec<PlaceDoc> = quality.folded_cells.iter().map(PlaceDoc::from).collect();
+    for &[i, j] in &quality.folded_prisms {
+        cells.push(PlaceDoc { side: "wall".to_owned(), i, j });
+    }
+    cells
 }
 
 impl From<&EmbeddingQuality> for EmbeddingDoc {

@@ -1,0 +1,127 @@
+//! The smooth wall through the nodes of a tube, as a finer one: closed lines around, lines from tip to tip along, by the same
+//! cubic steps as the patches of a sheet.
+
+use nalgebra::Point3;
+
+use super::lattice::LatticeSize;
+use super::patches::{BENDS, Knot, MOST, PIECES, refined};
+use super::tube::TubeShell;
+use crate::cancel::{Cancel, Cancelled};
+use crate::numerics::triangles::self_intersections;
+
+/// Nodes of a closed line that come again at either end, so that it bends at its seam as everywhere else.
+const OVERLAP: usize = 3;
+
+/// A finer tube through the nodes of another.
+#[derive(Clone, Debug)]
+pub struct TubePatches {
+    size: LatticeSize,
+    centres: Vec<Point3<f64>>,
+    wall: Vec<Point3<f64>>,
+    tips: [Point3<f64>; 2],
+}
+
+impl<'a> From<&'a TubePatches> for TubeShell<'a> {
+    fn from(patches: &'a TubePatches) -> Self {
+        Self { size: patches.size, centres: &patches.centres, wall: &patches.wall, tips: patches.tips }
+    }
+}
+
+impl TubePatches {
+    /// Those of a tube, and how many pairs of triangles of their closed surface run through each other; `None` without a
+    /// closed surface.
+    ///
+    /// # Errors
+    /// When it is cancelled.
+    pub fn of(shell: TubeShell<'_>, cancel: &dyn Cancel) -> Result<(Self, Option<usize>), Cancelled> {
+        let first = Self::bent(shell, BENDS[0]);
+        let crossings = first.crossings(cancel)?;
+        let mut best = (first, crossings);
+        for bend in &BENDS[1..] {
+            if best.1.is_none_or(|crossings| crossings == 0) {
+                break;
+            }
+            let patches = Self::bent(shell, *bend);
+            let crossings = patches.crossings(cancel)?;
+            if crossings < best.1 {
+                best = (patches, crossings);
+            }
+        }
+        Ok(best)
+    }
+
+    fn crossings(&self, cancel: &dyn Cancel) -> Result<Option<usize>, Cancelled> {
+        let Some(mesh) = TubeShell::from(self).closed() else { return Ok(None) };
+        self_intersections(&mesh.positions, &mesh.triangles, cancel).map(Some)
+    }
+
+    fn bent(shell: TubeShell<'_>, bend: f64) -> Self {
+        let LatticeSize { rows, cols } = shell.size;
+        let cuts = PIECES.div_ceil(rows.max(cols).max(1)).clamp(1, MOST);
+        let fine = LatticeSize { rows: rows * cuts, cols: (cols + 1) * cuts - 1 };
+        // Along every row, from tip to tip.
+        let mut along = Vec::with_capacity(rows);
+        for row in 0..rows {
+            let mut knots: Vec<Knot> = vec![(shell.tips[0], true)];
+            knots.extend((0..cols).map(|col| (shell.wall[row * cols + col], true)));
+            knots.push((shell.tips[1], true));
+            along.push(refined(&knots, cuts, bend));
+        }
+        let mut wall = vec![Point3::origin(); fine.rows * fine.cols];
+        for col in 0..fine.cols {
+            let ring: Vec<Knot> = along.iter().map(|line| line[col + 1]).collect();
+            for (row, (point, _)) in closed_line(&ring, cuts, bend).into_iter().enumerate() {
+                wall[row * fine.cols + col] = point;
+            }
+        }
+        let mut centres: Vec<Knot> = vec![(shell.centres[0], true)];
+        centres.extend(shell.centres.iter().map(|centre| (*centre, true)));
+        centres.push((shell.centres[cols - 1], true));
+        // Straight, as wedges are: a centre that stands still in a cap must not swing.
+        let centres = refined(&centres, cuts, 0.0)[1..=fine.cols].iter().map(|(centre, _)| *centre).collect();
+        Self { size: fine, centres, wall, tips: shell.tips }
+    }
+}
+
+/// The knots of a closed line and those between them, the first not again.
+fn closed_line(ring: &[Knot], cuts: usize, bend: f64) -> Vec<Knot> {
+    let count = ring.len();
+    let padded: Vec<Knot> = (0..count + 2 * OVERLAP).map(|n| ring[(n + count * OVERLAP - OVERLAP) % count]).collect();
+    refined(&padded, cuts, bend)[OVERLAP * cuts..(OVERLAP + count) * cuts].to_vec()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cancel::Never;
+    use crate::numerics::triangles::volume;
+
+    /// A ball of radius 1 as a tube of one centre.
+    fn ball(rows: usize, cols: usize) -> (Vec<Point3<f64>>, Vec<Point3<f64>>) {
+        let mut wall = Vec::new();
+        for i in 0..rows {
+            for j in 0..cols {
+                let around = i as f64 * std::f64::consts::TAU / rows as f64;
+                let along = (j + 1) as f64 * std::f64::consts::PI / (cols + 1) as f64;
+                wall.push(Point3::new(along.sin() * around.cos(), along.sin() * around.sin(), -along.cos()));
+            }
+        }
+        (vec![Point3::origin(); cols], wall)
+    }
+
+    #[test]
+    fn the_patches_of_a_ball_have_its_volume_and_pass_through_its_nodes() {
+        let (centres, wall) = ball(12, 8);
+        let tips = [Point3::new(0.0, 0.0, -1.0), Point3::new(0.0, 0.0, 1.0)];
+        let shell = TubeShell { size: LatticeSize { rows: 12, cols: 8 }, centres: &centres, wall: &wall, tips };
+        let (patches, crossings) = TubePatches::of(shell, &Never).expect("not cancelled");
+        assert_eq!(crossings, Some(0));
+        let fine = TubeShell::from(&patches);
+        for node in &wall {
+            assert!(fine.wall.iter().any(|p| (p - node).norm() < 1e-12), "{node} is lost");
+        }
+        let mesh = fine.closed().expect("closed");
+        let ratio = volume(&mesh.positions, &mesh.triangles) / (4.0 / 3.0 * std::f64::consts::PI);
+        assert!((ratio - 1.0).abs() < 0.02, "volume {ratio:.3} of the ball's");
+    }
+}

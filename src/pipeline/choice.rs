@@ -1,0 +1,159 @@
+//! Sheets or a tube: which kind of figure stands for a part of a label.
+//!
+//! 1. Where the medial set is shorter or narrower than the solid is thick, or has no lattice, it is no sheet;
+//! 2. where it is narrow, the sections of the tube say what it is: round ones are those of a tube;
+//! 3. where the sheets are not sound (vectors cross, many nodes are spoilt, or little of the solid is filled), a tube takes
+//!    their place that is sound and fills more.
+
+use super::PipelineError;
+use super::context::Context;
+use super::draft::AnyDraft;
+use super::medial::MedialSurface;
+use super::quality::fill_share;
+use super::solid::Solid;
+use super::solid::depth::Depth;
+use super::stages::{Figures, sheet_figures};
+use super::tubes::{TubeDraft, Tubes, tubes};
+use crate::cancel::Cancelled;
+use crate::model::{KindEvidence, Refusal, Stage};
+use crate::numerics::stats::mean;
+use crate::params::Correspondence;
+
+/// Width of the main sheet over its mean radius up to which it may be that of a tube. Sheets of organs that are laid out
+/// well have 2 and more, thalami among them, a vena cava 1.0, ribs 1.3 to 5.
+const NARROW: f64 = 1.7;
+/// Radius of the circle of a section's area over its inscribed radius up to which it is round: an ellipse of 1.5 by 1 has
+/// 1.22, of 2 by 1 1.41. Vessels have 1.01 to 1.2, ribs 1.2 to 1.7, glutei 1.9 and more.
+const ROUND_SECTION: f64 = 1.25;
+/// The same of each branch of a ring.
+const ROUND_BRANCH: f64 = 1.35;
+/// Overlap with the solid's mask from which sheets are sound, and share of their nodes that may be spoilt.
+const SOUND_OVERLAP: f64 = 0.87;
+/// See [`SOUND_OVERLAP`]: with more the verdict is `fail`.
+const SOUND_SPOILT: f64 = 0.05;
+
+/// The figures of a part.
+///
+/// # Errors
+/// When it has neither sheets nor is a tube; when it is cancelled.
+pub(super) fn figures(
+    solid: &Solid,
+    depth: &Depth,
+    surface: &MedialSurface,
+    context: &Context<'_>,
+) -> Result<Figures, PipelineError> {
+    let kinds = context.params.kinds;
+    if !kinds.may_be_tubes() {
+        return sheet_figures(solid, depth, surface, context);
+    }
+    if !kinds.may_be_sheets() {
+        let tubes = as_tubes(solid, context)?.ok_or(Refusal::NoTube)?;
+        return Ok(Figures::Tubes(tubes));
+    }
+    let attempt = context.apart();
+    let outcome = sheet_figures(solid, depth, surface, &attempt);
+    let sheets = match outcome {
+        Ok(sheets) => Sheets::of(sheets, solid, context)?,
+        Err(PipelineError::Refused(refusal)) if may_be_tube(&refusal) => {
+            let other = context.apart();
+            let tubes = as_tubes(solid, &other)?.filter(|tubes| stand_for(tubes, &refusal));
+            context.take_in(attempt.into_notes().without_warnings(), None);
+            context.take_in(other.into_notes(), None);
+            return tubes.map(Figures::Tubes).ok_or_else(|| refusal.into());
+        }
+        Err(stop) => return Err(stop),
+    };
+    // The paper's own pairing is there to be looked at as it is.
+    let is_paper = context.params.correspondence == Correspondence::Paper;
+    if is_paper || (sheets.is_sound && sheets.width_in_radii > NARROW) {
+        context.take_in(attempt.into_notes(), None);
+        return Ok(sheets.figures);
+    }
+    let other = context.apart();
+    match as_tubes(solid, &other)? {
+        Some(tubes) if sheets.yield_to(&tubes, solid, context)? => {
+            context.take_in(attempt.into_notes().without_warnings(), None);
+            context.take_in(other.into_notes(), None);
+            Ok(Figures::Tubes(sheets.told_by(tubes)))
+        }
+        _ => {
+            context.take_in(attempt.into_notes(), None);
+            context.take_in(other.into_notes().without_warnings(), None);
+            Ok(sheets.figures)
+        }
+    }
+}
+
+fn as_tubes(solid: &Solid, context: &Context<'_>) -> Result<Option<Tubes>, Cancelled> {
+    context.stage(Stage::Lattice, || tubes(solid, context))
+}
+
+/// Whether what has no sheets may be a tube.
+fn may_be_tube(refusal: &Refusal) -> bool {
+    matches!(
+        refusal,
+        Refusal::Ball { .. } | Refusal::Tube { .. } | Refusal::TooSmall { .. } | Refusal::SheetHasHoles { .. }
+    )
+}
+
+/// Whether tubes stand for what has no sheets. A solid with holes may be a ring of round sections; of flat ones it is a
+/// sheet that has to be cut, and what it is cut into here would have no thickness.
+fn stand_for(tubes: &Tubes, refusal: &Refusal) -> bool {
+    let is_ring = matches!(refusal, Refusal::SheetHasHoles { .. });
+    let is_round = |tube: &TubeDraft| tube.flatness <= ROUND_BRANCH && AnyDraft::Tube(tube).folds() == 0;
+    !is_ring || tubes.drafts.iter().all(is_round)
+}
+
+/// The sheets of a part with what speaks for them.
+struct Sheets {
+    figures: Figures,
+    /// Width of the main one over its mean radius.
+    width_in_radii: f64,
+    /// Dice of what they fill with the mask.
+    overlap: f64,
+    is_sound: bool,
+}
+
+impl Sheets {
+    fn of(figures: Figures, solid: &Solid, context: &Context<'_>) -> Result<Self, Cancelled> {
+        let drafts = figures.drafts();
+        let overlap = fill_share(solid, &drafts, context)?;
+        let (mut folds, mut nodes, mut spoilt) = (0, 0, 0);
+        for draft in &drafts {
+            folds += draft.folds();
+            nodes += draft.repair().nodes;
+            spoilt += draft.repair().marred_nodes;
+        }
+        let is_sound = folds == 0 && overlap >= SOUND_OVERLAP && spoilt as f64 <= SOUND_SPOILT * nodes as f64;
+        let width_in_radii = drafts.first().map_or(0.0, |main| {
+            let radius_mm = mean(main.radii()).unwrap_or(0.0) * solid.unit_mm;
+            main.choices().width_mm / radius_mm.max(f64::MIN_POSITIVE)
+        });
+        Ok(Self { figures, width_in_radii, overlap, is_sound })
+    }
+
+    /// Whether tubes stand better for the part than they do.
+    fn yield_to(&self, tubes: &Tubes, solid: &Solid, context: &Context<'_>) -> Result<bool, Cancelled> {
+        let drafts: Vec<AnyDraft<'_>> = tubes.drafts.iter().map(AnyDraft::Tube).collect();
+        if drafts.iter().any(|draft| draft.folds() > 0) {
+            return Ok(false);
+        }
+        if self.is_sound {
+            return Ok(tubes.drafts.len() == 1 && tubes.drafts[0].flatness <= ROUND_SECTION);
+        }
+        Ok(fill_share(solid, &drafts, context)? > self.overlap)
+    }
+
+    /// The tubes with what spoke against them.
+    fn told_by(&self, mut tubes: Tubes) -> Tubes {
+        for tube in &mut tubes.drafts {
+            let evidence = KindEvidence {
+                width_in_radii: Some(self.width_in_radii),
+                sheet_overlap: Some(self.overlap),
+                ..tube.choices.kind.unwrap_or_default()
+            };
+            tube.choices.kind = Some(evidence);
+        }
+        tubes
+    }
+}

@@ -1,0 +1,327 @@
+//! The nodes of a tube: centres along its line, and wall nodes round each.
+//!
+//! 1. Stations lie evenly between the end centres; through each passes the section where f has the value of the line;
+//! 2. its wall nodes lie at equal lengths round the longest curve, from a seam that is carried along the line without a
+//!    twist (Wang, Jüttler, Zheng, Liu, *Computation of rotation minimizing frames*, 2008), from the middle station, where
+//!    it looks in a direction of the world, and then slid to face the nodes of the station before;
+//! 3. beyond an end centre lies a cap: rays from it, along great circles from its ring to the pole.
+
+use nalgebra::{Point3, Unit, Vector3};
+
+use super::line::{End, Line};
+use super::sections::{Section, Skin, doubled_area};
+use crate::cancel::{Cancel, Cancelled};
+use crate::model::LatticeSize;
+use crate::numerics::polyline::Polyline;
+use crate::pipeline::solid::Solid;
+use crate::pipeline::solid::depth::Depth;
+
+/// How far a seam may slide to face the station before, steps between nodes, and in how many places it is tried there.
+const SLIDE: f64 = 1.0;
+/// See [`SLIDE`].
+const SLIDES: usize = 41;
+/// How deep a centre must lie, as a share of the largest depth in its section: what is allowed of sheets without a warning is
+/// 0.9. With 0.99, centres waver from end to end of flat sections.
+const DEEP: f64 = 0.93;
+/// Shares of the way from the middle of the area to the deepest place.
+const STEPS: [f64; 6] = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0];
+/// Height of the fan that closes an open end, radii. With none it has no volume, and no sign.
+const FLAT: f64 = 0.25;
+/// Nodes of a cap that are left out at its pole, steps: the pole has a node of its own.
+const POLE: f64 = 0.6;
+
+/// The nodes of a tube in work space.
+#[derive(Clone, Debug)]
+pub struct TubeNodes {
+    /// Nodes around, and along.
+    pub size: LatticeSize,
+    /// The centre of each column; those of a cap are its end centre.
+    pub centres: Vec<Point3<f64>>,
+    /// Wall nodes, row-major.
+    pub wall: Vec<Point3<f64>>,
+    /// The tips, beyond the first and the last column.
+    pub tips: [Point3<f64>; 2],
+    /// Columns of the caps.
+    pub caps: [usize; 2],
+    /// Length along the line of each column between them.
+    pub stations: Vec<f64>,
+}
+
+impl TubeNodes {
+    /// The number of a node.
+    pub fn node(&self, row: usize, col: usize) -> usize {
+        row % self.size.rows * self.size.cols + col
+    }
+
+    /// A wall node; rows go on from the first after the last.
+    pub fn wall_at(&self, row: usize, col: usize) -> Point3<f64> {
+        self.wall[self.node(row, col)]
+    }
+
+    /// The wall nodes of a column.
+    pub fn ring(&self, col: usize) -> Vec<Point3<f64>> {
+        (0..self.size.rows).map(|row| self.wall_at(row, col)).collect()
+    }
+}
+
+/// How many columns lie in the first cap, between the end centres (those included), and in the last cap.
+/// An open end has no cap.
+fn shared_columns(cols: usize, ends: [f64; 2], whole: f64, is_open: [bool; 2]) -> [usize; 3] {
+    let share = |length: f64| ((cols as f64 * length / whole).round()).max(2.0);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few columns")]
+    let count = |length: f64| share(length) as usize;
+    let cap = |is_open: bool, length: f64| if is_open { 0 } else { count(length) };
+    let [mut first, mut last] = [cap(is_open[0], ends[0]), cap(is_open[1], whole - ends[1])];
+    let least = if ends[0] < ends[1] { 2 } else { 1 };
+    let most = usize::from(first > 0) + usize::from(last > 0);
+    while first + last + least > cols && first + last > most {
+        if first >= last { first -= 1 } else { last -= 1 }
+    }
+    [first, cols.saturating_sub(first + last).max(1), last]
+}
+
+/// What the nodes of a tube are laid on.
+pub struct Laying<'a> {
+    /// The solid.
+    pub solid: &'a Solid,
+    /// The depth below its skin.
+    pub depth: &'a Depth,
+    /// Its skin.
+    pub skin: &'a Skin,
+    /// Its centreline.
+    pub line: &'a Line,
+    /// Which branch of the solid it is.
+    pub branch: usize,
+    /// Where on it the end centres lie.
+    pub ends: [f64; 2],
+    /// The way over which its direction is taken.
+    pub way: f64,
+}
+
+impl Laying<'_> {
+    /// The nodes, and how many of the sections have several curves.
+    ///
+    /// # Errors
+    /// When it is cancelled.
+    pub fn nodes(&self, size: LatticeSize, cancel: &dyn Cancel) -> Result<Option<(TubeNodes, usize)>, Cancelled> {
+        let is_open = self.line.kinds_of_ends().map(End::is_open);
+        let [first, between, last] = shared_columns(size.cols, self.ends, self.line.length(), is_open);
+        let mut stations = Vec::with_capacity(between);
+        for n in 0..between {
+            let share = if between > 1 { n as f64 / (between - 1) as f64 } else { 0.5 };
+            stations.push(self.ends[0] + (self.ends[1] - self.ends[0]) * share);
+        }
+        let (mut rings, mut several) = (Vec::with_capacity(between), 0);
+        for &station in &stations {
+            cancel.check()?;
+            let section = self.skin.section(self.branch, self.line.value(station));
+            several += usize::from(section.is_split());
+            let Some(ring) = Ring::of(section, self.line.at(station), self.line.direction(station, self.way)) else {
+                return Ok(None);
+            };
+            rings.push(ring);
+        }
+        self.centre(&mut rings, &stations);
+        let columns = self.sampled(&rings, size.rows);
+        let centres: Vec<Point3<f64>> = rings.iter().map(|ring| ring.centre).collect();
+        let head = self.cap(centres[0], &columns[0], -1.0, first);
+        let tail = self.cap(centres[between - 1], &columns[between - 1], 1.0, last);
+        let mut all = head.0;
+        all.reverse();
+        all.extend(columns);
+        all.extend(tail.0);
+        let centre = |col: usize| centres[col.saturating_sub(first).min(between - 1)];
+        let nodes = TubeNodes {
+            size,
+            centres: (0..size.cols).map(centre).collect(),
+            wall: (0..size.rows * size.cols).map(|n| all[n % size.cols][n / size.cols]).collect(),
+            tips: [head.1, tail.1],
+            caps: [first, last],
+            stations,
+        };
+        Ok(Some((nodes, several)))
+    }
+
+    /// Moves the centres of rings to the middles of their areas, or from there towards where they are deepest, as far as it
+    /// takes to be nearly as deep.
+    fn centre(&self, rings: &mut [Ring], stations: &[f64]) {
+        let is_ball = rings.len() == 1;
+        for (ring, station) in rings.iter_mut().zip(stations) {
+            let (depth, deepest) = self.line.deepest(*station);
+            if is_ball {
+                ring.centre = self.deepest_of([ring.centre, ring.middle(), deepest]);
+                continue;
+            }
+            let middle = ring.middle();
+            let reached = STEPS.map(|share| middle + (deepest - middle) * share);
+            let is_deep = |place: &Point3<f64>| self.depth.at(*place) >= DEEP * depth;
+            ring.centre = reached.into_iter().find(is_deep).unwrap_or(ring.centre);
+        }
+    }
+
+    /// The deepest of some places, the first of several. A section of a ball is a bowl, whose rim has its middle elsewhere.
+    fn deepest_of(&self, places: [Point3<f64>; 3]) -> Point3<f64> {
+        let mut best = places[0];
+        for place in places {
+            if self.depth.at(place) > self.depth.at(best) {
+                best = place;
+            }
+        }
+        best
+    }
+
+    /// The nodes of all rings, from seams that face each other.
+    fn sampled(&self, rings: &[Ring], rows: usize) -> Vec<Vec<Point3<f64>>> {
+        let middle = rings.len() / 2;
+        let seam = self.world_seam(rings[middle].direction);
+        let mut columns = vec![Vec::new(); rings.len()];
+        columns[middle] = rings[middle].nodes(rings[middle].facing(seam), rows);
+        let forward: Vec<usize> = (middle + 1..rings.len()).collect();
+        let backward: Vec<usize> = (0..middle).rev().collect();
+        for way in [forward, backward] {
+            let (mut before, mut seam) = (middle, seam);
+            for here in way {
+                seam = carried(seam, rings[before].direction, rings[here].direction);
+                columns[here] = rings[here].slid(seam, &columns[before], rings[before].centre);
+                before = here;
+            }
+        }
+        columns
+    }
+
+    /// The direction that row 0 faces where a tube runs so: the most superior across it, of one that runs up or down the
+    /// most anterior.
+    fn world_seam(&self, direction: Vector3<f64>) -> Vector3<f64> {
+        let matrix = self.solid.world_from_work.matrix();
+        let axis = |row: usize| matrix.fixed_view::<1, 3>(row, 0).transpose().normalize();
+        let across = |v: Vector3<f64>| v - direction * v.dot(&direction);
+        let up = across(axis(2));
+        let seam = if up.norm() > 0.5 { up } else { across(axis(1)) };
+        seam.try_normalize(1e-9).unwrap_or_else(Vector3::x)
+    }
+
+    /// The columns of a cap, from its ring to its pole, and the pole.
+    fn cap(
+        &self,
+        centre: Point3<f64>,
+        ring: &[Point3<f64>],
+        sense: f64,
+        columns: usize,
+    ) -> (Vec<Vec<Point3<f64>>>, Point3<f64>) {
+        let mut offsets: Vec<Vector3<f64>> = ring.iter().map(|p| p - centre).collect();
+        offsets.push(offsets[0]);
+        let pole = doubled_area(&offsets).try_normalize(1e-12).unwrap_or_else(Vector3::z) * sense;
+        let mut cap = vec![Vec::with_capacity(ring.len()); columns];
+        for p in ring {
+            let out = (p - centre).try_normalize(1e-12).unwrap_or_else(Vector3::x);
+            let turn = out.angle(&pole);
+            let side = (out - pole * out.dot(&pole)).try_normalize(1e-9).unwrap_or_else(Vector3::x);
+            for (n, column) in cap.iter_mut().enumerate() {
+                let left = turn * (1.0 - (n + 1) as f64 / (columns as f64 + POLE));
+                column.push(self.at_skin(centre, pole * left.cos() + side * left.sin()));
+            }
+        }
+        // An open end is closed by a fan that is nearly flat: what lies beyond is another tube's.
+        let tip = if columns == 0 { centre + pole * self.flat_tip(ring, centre) } else { self.at_skin(centre, pole) };
+        (cap, tip)
+    }
+
+    /// How far before an open end its tip lies.
+    fn flat_tip(&self, ring: &[Point3<f64>], centre: Point3<f64>) -> f64 {
+        FLAT * ring.iter().map(|wall| (wall - centre).norm()).sum::<f64>() / ring.len().max(1) as f64
+    }
+
+    /// Where a ray from a place leaves the solid.
+    pub fn at_skin(&self, from: Point3<f64>, direction: Vector3<f64>) -> Point3<f64> {
+        at_skin(self.solid, from, direction)
+    }
+}
+
+/// Where a ray from a place leaves the solid; the place itself when it lies outside.
+pub fn at_skin(solid: &Solid, from: Point3<f64>, direction: Vector3<f64>) -> Point3<f64> {
+    let reach: f64 = solid.inside.dims().iter().map(|count| *count as f64).sum();
+    from + direction * solid.level.first_zero(from, direction, reach).unwrap_or(0.0)
+}
+
+/// A direction carried along a line without a twist: turned as the line turns.
+fn carried(seam: Vector3<f64>, from: Vector3<f64>, to: Vector3<f64>) -> Vector3<f64> {
+    let turned = nalgebra::UnitQuaternion::rotation_between_axis(&Unit::new_normalize(from), &Unit::new_normalize(to))
+        .map_or(seam, |turn| turn * seam);
+    (turned - to * turned.dot(&to)).try_normalize(1e-9).unwrap_or(seam)
+}
+
+/// A section of a tube.
+struct Ring {
+    centre: Point3<f64>,
+    direction: Vector3<f64>,
+    /// Its curve, counter-clockwise about the direction.
+    curve: Polyline<3>,
+}
+
+impl Ring {
+    /// The longest curve of a section round a centre; `None` without one.
+    fn of(section: Section, centre: Point3<f64>, direction: Vector3<f64>) -> Option<Self> {
+        let curve = section.curves.into_iter().next()?;
+        let is_turned = doubled_area(curve.points()).dot(&direction) < 0.0;
+        let curve = if is_turned { Polyline::open(curve.points().iter().rev().copied().collect()) } else { curve };
+        Some(Self { centre, direction, curve })
+    }
+
+    /// The middle of the area that the curve encloses, seen along its normal.
+    fn middle(&self) -> Point3<f64> {
+        let points = self.curve.points();
+        let normal = doubled_area(points).try_normalize(1e-12).unwrap_or(self.direction);
+        let (mut sum, mut total) = (Vector3::zeros(), 0.0);
+        for pair in points.windows(2) {
+            let [a, b] = [pair[0] - self.centre.coords, pair[1] - self.centre.coords];
+            let area = a.cross(&b).dot(&normal);
+            sum += (a + b) * (area / 3.0);
+            total += area;
+        }
+        if total > 1e-12 { self.centre + sum / total } else { self.centre }
+    }
+
+    /// Length round the curve to where it lies in a direction across the tube.
+    fn facing(&self, seam: Vector3<f64>) -> f64 {
+        let left = self.direction.cross(&seam);
+        let mut best = (f64::NEG_INFINITY, 0.0);
+        let points = self.curve.points();
+        for n in 1..points.len() {
+            let [a, b] = [points[n - 1] - self.centre.coords, points[n] - self.centre.coords];
+            let [from, to] = [a.dot(&left), b.dot(&left)];
+            // From right to left of the seam: once, on a section that is seen whole from its centre.
+            if from <= 0.0 && to > 0.0 {
+                let share = -from / (to - from);
+                let out = (a + (b - a) * share).dot(&seam);
+                if out > best.0 {
+                    best = (out, self.curve.length_at((n - 1, share)));
+                }
+            }
+        }
+        best.1
+    }
+
+    /// Nodes at equal lengths from a length on.
+    fn nodes(&self, start: f64, rows: usize) -> Vec<Point3<f64>> {
+        let whole = self.curve.length();
+        let place = |row: usize| (start + whole * row as f64 / rows as f64).rem_euclid(whole);
+        (0..rows).map(|row| Point3::from(self.curve.point(self.curve.place(place(row))))).collect()
+    }
+
+    /// Nodes from a seam on, slid to where they lie most as those of the ring before do.
+    fn slid(&self, seam: Vector3<f64>, before: &[Point3<f64>], centre: Point3<f64>) -> Vec<Point3<f64>> {
+        let (start, step) = (self.facing(seam), self.curve.length() / before.len() as f64);
+        let mut best: Option<(f64, Vec<Point3<f64>>)> = None;
+        for n in 0..SLIDES {
+            let slide = SLIDE * (2.0 * n as f64 / (SLIDES - 1) as f64 - 1.0);
+            let nodes = self.nodes(start + slide * step, before.len());
+            let offset =
+                |(here, there): (&Point3<f64>, &Point3<f64>)| ((here - self.centre) - (there - centre)).norm_squared();
+            let apart: f64 = nodes.iter().zip(before).map(offset).sum();
+            if best.as_ref().is_none_or(|best| apart < best.0) {
+                best = Some((apart, nodes));
+            }
+        }
+        best.map(|(_, nodes)| nodes).unwrap_or_default()
+    }
+}
