@@ -56,6 +56,15 @@ impl FigurePatches {
         })
     }
 
+    /// The same where it does not matter whether they run through each other.
+    #[must_use]
+    pub fn unchecked(body: Body<'_>) -> Self {
+        match body {
+            Body::Sheet(shell) => Self::Sheet(Patches::unchecked(shell)),
+            Body::Tube(shell) => Self::Tube(TubePatches::unchecked(shell)),
+        }
+    }
+
     /// What they enclose.
     #[must_use]
     pub fn body(&self) -> Body<'_> {

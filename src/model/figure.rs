@@ -15,6 +15,7 @@ use crate::space::{ParamPoint, WorldPoint, WorldVector};
 /// A part of an organ that is represented by itself, of one of several kinds.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[expect(clippy::large_enum_variant, reason = "a structure has a few")]
 pub enum Figure {
     /// A single medial sheet with its two sides.
     Sheet(Sheet),

@@ -54,7 +54,7 @@ impl Patches {
     /// # Errors
     /// When it is cancelled.
     pub fn of(shell: Shell<'_>, cancel: &dyn Cancel) -> Result<(Self, Option<usize>), Cancelled> {
-        let first = Self::bent(shell, BENDS[0]);
+        let first = Self::unchecked(shell);
         let crossings = first.crossings(cancel)?;
         let mut best = (first, crossings);
         for bend in &BENDS[1..] {
@@ -68,6 +68,12 @@ impl Patches {
             }
         }
         Ok(best)
+    }
+
+    /// Those with their bends as they are, whether or not they run through each other.
+    #[must_use]
+    pub fn unchecked(shell: Shell<'_>) -> Self {
+        Self::bent(shell, BENDS[0])
     }
 
     /// Pairs of triangles of the closed surface that run through each other.

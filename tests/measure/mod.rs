@@ -13,18 +13,13 @@ pub mod table;
 pub mod damage;
 
 use medialrep::model::Model;
-use medialrep::params::{GridChoice, Kinds, Params};
+use medialrep::params::{GridChoice, Params};
 use medialrep::pipeline::observer::Silent;
 use medialrep::pipeline::{PipelineError, run};
 use medialrep::space::LabelVolume;
 
 /// The lattice that results are compared on. Its size and its margin are said here, so that figures are
 /// those of the same lattice when the defaults change.
-/// The same, with sheets alone.
-pub fn sheets() -> Params {
-    Params { kinds: Kinds::These { sheet: true, tube: false }, ..params() }
-}
-
 pub fn params() -> Params {
     Params { grid: GridChoice::Fixed { rows: 12, cols: 20 }, margin: Some(0.02), ..Params::default() }
 }

@@ -94,7 +94,7 @@ pub(in crate::pipeline) fn fill_share(
     let into_mask = solid.world_from_work.to(&solid.native.world_from_voxel);
     let mut all = Grid::filled(mask.dims(), false);
     for draft in drafts {
-        let (patches, _) = FigurePatches::of(draft.body(), cancel)?;
+        let patches = FigurePatches::unchecked(draft.body());
         let own = filled(mask.dims(), patches.body(), &into_mask, cancel)?;
         for (is_in, is_own) in all.as_mut_slice().iter_mut().zip(own.as_slice()) {
             *is_in |= is_own;

@@ -87,7 +87,7 @@ impl Cells {
     pub fn beside(&self, cell: usize) -> impl Iterator<Item = usize> + '_ {
         (0..6).filter_map(move |side: usize| {
             let mut at = self.index[cell];
-            at[side / 2] = if side % 2 == 0 { at[side / 2] - 1 } else { at[side / 2] + 1 };
+            at[side / 2] = if side.is_multiple_of(2) { at[side / 2] - 1 } else { at[side / 2] + 1 };
             self.at(at)
         })
     }

@@ -40,9 +40,9 @@ impl<'a> Drain<'a> {
     pub fn into(cells: &'a Cells, drain: &[bool], reach: f64, cancel: &dyn Cancel) -> Result<Self, Cancelled> {
         let sink = (DRAINED * cells.edge / reach.max(cells.edge)).powi(2);
         let mut equation = Equation { rows: Vec::with_capacity(cells.len()), diagonal: Vec::new() };
-        for cell in 0..cells.len() {
+        for (cell, is_drain) in drain.iter().enumerate() {
             let mut row = Row::default();
-            let mut own = if drain[cell] { sink * cells.shares[cell] } else { 0.0 };
+            let mut own = if *is_drain { sink * cells.shares[cell] } else { 0.0 };
             for next in cells.beside(cell) {
                 let flow = cells.shares[cell].min(cells.shares[next]);
                 row.add(next, flow);

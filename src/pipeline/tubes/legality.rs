@@ -45,7 +45,8 @@ pub fn legality(nodes: &TubeNodes) -> TubeLegality {
 
 impl TubeLegality {
     fn note(&mut self, row: usize, col: usize, corners: &[f64]) {
-        let folds = corners.iter().filter(|sign| !(**sign > 0.0)).count();
+        // What is no number is turned over.
+        let folds = corners.len() - corners.iter().filter(|sign| **sign > 0.0).count();
         self.corners += corners.len();
         self.folds += folds;
         if folds > 0 {

@@ -294,9 +294,9 @@ fn smoothed(points: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
         // As many on both sides, so that ends are not drawn in.
         let reach = reach.min(n).min(points.len() - 1 - n);
         let (mut sum, mut total) = (Vector3::zeros(), 0.0);
-        for m in n - reach..=n + reach {
-            let weight = (-0.5 * ((m as f64 - n as f64) / SMOOTH).powi(2)).exp();
-            sum += points[m] * weight;
+        for (offset, point) in points[n - reach..=n + reach].iter().enumerate() {
+            let weight = (-0.5 * ((offset as f64 - reach as f64) / SMOOTH).powi(2)).exp();
+            sum += point * weight;
             total += weight;
         }
         smooth.push(sum / total);

@@ -4,9 +4,9 @@
 //! Cross-sections are level sets of one function of the solid, so that no two cross whatever the bend (planes across the
 //! centreline do where it bends more sharply than the tube is thick):
 //!
-//! 1. the boundary is moved to where it encloses the mask's volume, and the solid is taken as cells ([`cells`]); its two
+//! 1. the boundary is moved to where it encloses the mask's volume, and the solid is taken as cells (`cells`); its two
 //!    tips are found (`line`);
-//! 2. a function grows from the first one to all others ([`drain`]);
+//! 2. a function grows from the first one to all others (`drain`);
 //! 3. what a wave from the first tip falls into are branches (`tree`): one of a tube, more of a tree or a ring; each is a
 //!    tube, open where it meets others;
 //! 4. the centreline leads through the middles of its sections; the end centres lie where an inscribed ball reaches the tip
@@ -373,12 +373,13 @@ fn following(laying: &Laying<'_>, context: &Context<'_>) -> Result<Option<Lattic
 
 /// See [`KindEvidence::flatness`]: over the columns between the caps.
 fn flatness(nodes: &TubeNodes, radii: &[f64]) -> f64 {
-    let mut ratios = Vec::new();
-    for col in nodes.caps[0]..nodes.size.cols - nodes.caps[1] {
+    let between = nodes.caps[0]..nodes.size.cols - nodes.caps[1];
+    let mut ratios = Vec::with_capacity(between.len());
+    for (col, radius) in between.clone().zip(&radii[between]) {
         let mut ring: Vec<Vector3<f64>> = nodes.ring(col).iter().map(|wall| wall - nodes.centres[col]).collect();
         ring.push(ring[0]);
         let area = doubled_area(&ring).norm() / 2.0;
-        ratios.push((area / std::f64::consts::PI).sqrt() / radii[col].max(1e-9));
+        ratios.push((area / std::f64::consts::PI).sqrt() / radius.max(1e-9));
     }
     median(ratios).unwrap_or(1.0)
 }

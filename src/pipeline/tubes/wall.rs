@@ -25,8 +25,11 @@ const SLIDES: usize = 41;
 const DEEP: f64 = 0.93;
 /// Shares of the way from the middle of the area to the deepest place.
 const STEPS: [f64; 6] = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0];
-/// Height of the fan that closes an open end, radii. With none it has no volume, and no sign.
-const FLAT: f64 = 0.25;
+/// Height of the fan that closes an open end, radii: it reaches into the place where tubes meet, of which sections of none of
+/// them speak. With 0.25, the joints of a portal vein have gaps.
+const OPEN: f64 = 0.8;
+/// Share of the way to the skin that it takes at the most.
+const SHORT_OF_SKIN: f64 = 0.8;
 /// Nodes of a cap that are left out at its pole, steps: the pole has a node of its own.
 const POLE: f64 = 0.6;
 
@@ -221,14 +224,15 @@ impl Laying<'_> {
                 column.push(self.at_skin(centre, pole * left.cos() + side * left.sin()));
             }
         }
-        // An open end is closed by a fan that is nearly flat: what lies beyond is another tube's.
-        let tip = if columns == 0 { centre + pole * self.flat_tip(ring, centre) } else { self.at_skin(centre, pole) };
-        (cap, tip)
+        let skin = self.at_skin(centre, pole);
+        (cap, if columns == 0 { self.open_tip(ring, centre, skin) } else { skin })
     }
 
-    /// How far before an open end its tip lies.
-    fn flat_tip(&self, ring: &[Point3<f64>], centre: Point3<f64>) -> f64 {
-        FLAT * ring.iter().map(|wall| (wall - centre).norm()).sum::<f64>() / ring.len().max(1) as f64
+    /// The tip of the fan that closes an open end: on the way to the skin beyond, which is another tube's.
+    fn open_tip(&self, ring: &[Point3<f64>], centre: Point3<f64>, skin: Point3<f64>) -> Point3<f64> {
+        let radius = ring.iter().map(|wall| (wall - centre).norm()).sum::<f64>() / ring.len().max(1) as f64;
+        let most = (skin - centre).norm();
+        centre + (skin - centre) * (OPEN * radius / most.max(1e-9)).min(SHORT_OF_SKIN)
     }
 
     /// Where a ray from a place leaves the solid.

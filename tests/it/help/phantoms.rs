@@ -2,7 +2,7 @@
 
 use medialrep::formats::params_json;
 use medialrep::model::{Model, Sheet};
-use medialrep::params::{CheckedParams, Params};
+use medialrep::params::{CheckedParams, Kinds, Params};
 use medialrep::pipeline::context::Context;
 use medialrep::pipeline::observer::Silent;
 use medialrep::pipeline::solid::cut_out::{Label, label_boxes};
@@ -17,7 +17,7 @@ use nalgebra::Rotation3;
 pub use crate::measure::accuracy::{figure_drift as drift, rms};
 use crate::measure::shapes::PHASE;
 pub use crate::measure::shapes::{counted, roughened, turned};
-pub use crate::measure::{params, run_of, sheets};
+pub use crate::measure::{params, run_of};
 
 pub fn sample(name: &str) -> Sample {
     by_name(name).expect("a sample of that name")
@@ -30,6 +30,11 @@ pub fn volume(name: &str) -> LabelVolume {
 /// As [`volume`], at a phase of the grid at which no voxel of a flat face is decided by rounding.
 pub fn plain(name: &str) -> LabelVolume {
     sample(name).voxelise_at([1.0; 3], Rotation3::identity(), PHASE).expect("fits in memory")
+}
+
+/// Parameters of sheets alone.
+pub fn sheets() -> Params {
+    Params { kinds: Kinds::These { sheet: true, tube: false }, ..params() }
 }
 
 pub fn model_of(volume: &LabelVolume, params: Params) -> Model {
