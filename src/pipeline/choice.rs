@@ -19,12 +19,21 @@ use crate::model::{KindEvidence, Refusal, Stage};
 use crate::numerics::stats::mean;
 use crate::params::Correspondence;
 
-/// Width of the main sheet over its mean radius up to which it may be that of a tube. Sheets of organs that are laid out
-/// well have 2 and more, thalami among them, a vena cava 1.0, ribs 1.3 to 5.
+/// Width of the main sheet over its mean radius up to which it may be that of a tube of any length. Sheets of organs that are
+/// laid out well have 2 and more, thalami 1.8, a vena cava 1.0, bladders 1.4.
 const NARROW: f64 = 1.7;
-/// Radius of the circle of a section's area over its inscribed radius up to which it is round: an ellipse of 1.5 by 1 has
-/// 1.22, of 2 by 1 1.41. Vessels have 1.01 to 1.2, ribs 1.2 to 1.7, glutei 1.9 and more.
-const ROUND_SECTION: f64 = 1.25;
+/// Radius of the circle of a section's area over its inscribed radius up to which a narrow sheet is that of a tube: an ellipse
+/// of 2 by 1 has 1.41. It hardly changes with the grid: 1.27 and 1.32 of a bladder, 1.21 and 1.18 of a stomach.
+const NEARLY_ROUND: f64 = 1.4;
+/// The same of a sheet that is wider, but long. Vessels have 1.04 to 1.16, stomach, duodenum and femur 1.2 to 1.26,
+/// hippocampi 1.25 to 1.6, caudates 1.36, glutei 2.
+const ROUND: f64 = 1.24;
+/// Length over twice the radius from which a tube is long: a thalamus has 2.5, a femur 4, a stomach 6.
+const LONG: f64 = 3.5;
+/// Width in radii, and length over width, of sheets that may be those of long tubes: of others no tube is tried.
+const MODERATE: f64 = 3.8;
+/// See [`MODERATE`].
+const LONGISH: f64 = 2.0;
 /// The same of each branch of a ring.
 const ROUND_BRANCH: f64 = 1.35;
 /// Overlap with the solid's mask from which sheets are sound, and share of their nodes that may be spoilt.
@@ -65,7 +74,7 @@ pub(super) fn figures(
     };
     // The paper's own pairing is there to be looked at as it is.
     let is_paper = context.params.correspondence == Correspondence::Paper;
-    if is_paper || (sheets.is_sound && sheets.width_in_radii > NARROW) {
+    if is_paper || (sheets.is_sound && !sheets.may_be_of_tube()) {
         context.take_in(attempt.into_notes(), None);
         return Ok(sheets.figures);
     }
@@ -109,6 +118,8 @@ struct Sheets {
     figures: Figures,
     /// Width of the main one over its mean radius.
     width_in_radii: f64,
+    /// Its length over its width.
+    aspect: f64,
     /// Dice of what they fill with the mask.
     overlap: f64,
     is_sound: bool,
@@ -129,7 +140,15 @@ impl Sheets {
             let radius_mm = mean(main.radii()).unwrap_or(0.0) * solid.unit_mm;
             main.choices().width_mm / radius_mm.max(f64::MIN_POSITIVE)
         });
-        Ok(Self { figures, width_in_radii, overlap, is_sound })
+        let aspect = drafts
+            .first()
+            .map_or(1.0, |main| main.choices().length_mm / main.choices().width_mm.max(f64::MIN_POSITIVE));
+        Ok(Self { figures, width_in_radii, aspect, overlap, is_sound })
+    }
+
+    /// Whether it is worth looking at the sections of a tube.
+    fn may_be_of_tube(&self) -> bool {
+        self.width_in_radii <= NARROW || (self.width_in_radii <= MODERATE && self.aspect >= LONGISH)
     }
 
     /// Whether tubes stand better for the part than they do.
@@ -139,7 +158,10 @@ impl Sheets {
             return Ok(false);
         }
         if self.is_sound {
-            return Ok(tubes.drafts.len() == 1 && tubes.drafts[0].flatness <= ROUND_SECTION);
+            let [tube] = &tubes.drafts[..] else { return Ok(false) };
+            let elongation = tube.choices.kind.map_or(0.0, |evidence| evidence.elongation);
+            let is_long = tube.flatness <= ROUND && elongation >= LONG;
+            return Ok(is_long || (self.width_in_radii <= NARROW && tube.flatness <= NEARLY_ROUND));
         }
         Ok(fill_share(solid, &drafts, context)? > self.overlap)
     }
