@@ -17,7 +17,7 @@ use super::tubes::{TubeDraft, Tubes, tubes};
 use crate::cancel::Cancelled;
 use crate::model::{KindEvidence, Refusal, Stage};
 use crate::numerics::stats::mean;
-use crate::params::Correspondence;
+use crate::params::{Correspondence, LatticeKind};
 
 /// Width of the main sheet over its mean radius up to which it may be that of a tube of any length. Sheets of organs that are
 /// laid out well have 2 and more, thalami 1.8, a vena cava 1.0, bladders 1.4.
@@ -72,8 +72,9 @@ pub(super) fn figures(
         }
         Err(stop) => return Err(stop),
     };
-    // The paper's own pairing is there to be looked at as it is.
-    let is_paper = context.params.correspondence == Correspondence::Paper;
+    // The paper's own pairing and its own lattice are there to be looked at as they are.
+    let params = context.params;
+    let is_paper = params.correspondence == Correspondence::Paper || params.lattice == LatticeKind::Regular;
     if is_paper || (sheets.is_sound && !sheets.may_be_of_tube()) {
         context.take_in(attempt.into_notes(), None);
         return Ok(sheets.figures);

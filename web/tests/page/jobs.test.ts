@@ -88,9 +88,9 @@ test("what is refused is told in the service's words", async () => {
   await refusal.waitFor();
   expect(await refusal.textContent()).toMatch(/not_nifti/);
   expect(await refusal.textContent()).toMatch(/What to do/);
-  await sendSample(page, "ball");
+  await sendSample(page, "mobius");
   await stateOf(page).toBe("failed");
-  expect(await page.locator(".job-view .problem").textContent()).toMatch(/ball of radius .*shape_is_a_ball/s);
+  expect(await page.locator(".job-view .problem").textContent()).toMatch(/only one side.*not_orientable/s);
 });
 
 test("masks dropped on the page are sent, one job each", async () => {
