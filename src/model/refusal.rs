@@ -197,12 +197,12 @@ impl Refusal {
             Self::TooSmall { .. } => "send a finer mask or a larger object, or set a smaller resolution_mm".to_owned(),
             Self::Ball { .. } => "a ball has no medial sheet: let tubes be made (kinds), it is one of two caps".to_owned(),
             Self::Tube { .. } => {
-                "a tube has a medial curve, not a sheet: let tubes be made (kinds); one that forks has no answer yet".to_owned()
+                "a tube has a medial curve, not a sheet: let tubes be made (kinds)".to_owned()
             }
             Self::NoTube => "leave kinds at \"auto\", or let sheets be made too".to_owned(),
             Self::NotOrientable { .. } => "check the segmentation for a bridge that turns the object over".to_owned(),
             Self::SheetHasHoles { .. } => {
-                "fill the holes in the segmentation if they are errors; a ring has no lattice unless it is cut open"
+                "fill the holes in the segmentation if they are errors, or let the sheet be cut in more parts (max_figures)"
                     .to_owned()
             }
             Self::TooManyPoints { .. } => {

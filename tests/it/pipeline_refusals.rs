@@ -1,6 +1,6 @@
 //! Shapes that are refused by name, each through the whole pipeline.
 
-use medialrep::model::Refusal;
+use medialrep::model::{Refusal, Structure};
 use medialrep::params::Params;
 use medialrep::pipeline::PipelineError;
 use medialrep::space::{LabelVolume, significant};
@@ -30,8 +30,27 @@ fn holed(radius: f64) -> LabelVolume {
 }
 
 #[test]
-fn a_sheet_with_a_large_hole_is_refused() {
-    let refusal = refusal_of(&holed(9.0));
+fn a_sheet_with_a_large_hole_is_cut_through_it() {
+    let structure = model_of(&holed(9.0), sheets()).structures.remove(0);
+    assert_rings_of_halves(&structure, 8.0);
+}
+
+/// Two sheets of some thickness that meet on both sides of a hole, none over it.
+fn assert_rings_of_halves(structure: &Structure, thickness_mm: f64) {
+    assert_eq!(structure.figures.len(), 2);
+    assert!(structure.warnings.iter().any(|w| w.code == "sheet_cut" && w.message.contains("has holes")));
+    assert!(structure.junctions.iter().all(|junction| junction.figures == [0, 1]) && !structure.junctions.is_empty());
+    assert!(structure.quality.coverage.dice > 0.92, "overlap {:.3}", structure.quality.coverage.dice);
+    for sheet in structure.sheets() {
+        assert_eq!(sheet.quality.folds, 0);
+        let mean = sheet.thickness_summary().total_mm.expect("has vectors").mean;
+        assert!((mean - thickness_mm).abs() < 0.05 * thickness_mm, "{mean:.2} mm");
+    }
+}
+
+#[test]
+fn a_sheet_with_a_large_hole_that_may_not_be_cut_is_refused() {
+    let refusal = refusal_with(&holed(9.0), Params { max_figures: Some(1), ..sheets() });
     assert_eq!(refusal.code(), "sheet_has_holes", "{refusal}");
     assert!(refusal.to_string().contains("% of its area") && refusal.hint().contains("fill the holes"));
 }
@@ -46,12 +65,12 @@ fn a_hole_two_or_four_voxels_wide_is_filled_and_said() {
 }
 
 #[test]
-fn a_flat_ring_is_a_sheet_with_a_hole() {
+fn a_flat_ring_is_two_sheets_that_meet_at_both_ends() {
     let ring = painted([70, 70, 18], [1.0; 3], |[i, j, k]| {
         let r = (i as f64 - 34.5).hypot(j as f64 - 34.5);
         u16::from((14.0..30.0).contains(&r) && (5..13).contains(&k))
     });
-    assert_eq!(refusal_of(&ring).code(), "sheet_has_holes");
+    assert_rings_of_halves(&model_of(&ring, params()).structures.remove(0), 8.0);
 }
 
 #[test]

@@ -33,7 +33,7 @@ use crate::pipeline::context::Context;
 use crate::pipeline::kind::{Kind, kind};
 use crate::pipeline::medial::MedialSurface;
 use crate::pipeline::plane::embedding::{EmbeddingError, Flat, Method, flatten};
-use crate::pipeline::plane::region::{HOLES_REFUSED, Region};
+use crate::pipeline::plane::region::Region;
 use crate::pipeline::sheets::{NO_SHEET, Sheets, in_order};
 use crate::pipeline::sides::is_orientable;
 use crate::pipeline::solid::Solid;
@@ -128,7 +128,9 @@ fn taken_plane(parts: &mut [Part], members: &[u32]) -> Option<Flat> {
 /// What was done to a sheet.
 fn said(number: usize, before: Faults, points: usize, parts: &[Part]) -> String {
     let left = points - parts.iter().map(|part| part.members.len()).sum::<usize>();
-    let why = if before.is_curled() {
+    let why = if before.has_holes() {
+        "has holes"
+    } else if before.is_curled() {
         "cannot be laid flat"
     } else if before.is_bent() {
         "is bent so that no lattice fits it"
@@ -169,19 +171,9 @@ impl Cutter<'_> {
         Ok(done)
     }
 
-    /// Whether a sheet is refused for what it is, a band with one side or a ring: cut, it would look like
-    /// one that is not.
+    /// Whether a sheet is refused for what it is, a band with one side: cut, it would look like one that is not.
     fn is_refused(&self, part: &Part) -> Result<bool, Cancelled> {
-        if part.faults.worse() <= 1.0 {
-            return Ok(false);
-        }
-        if self.has_tunnels
-            && let Some(flat) = &part.flat
-            && Region::of(&flat.points, self.context)?.hole_share > HOLES_REFUSED
-        {
-            return Ok(true);
-        }
-        Ok(!is_orientable(self.surface, &part.members, self.context)?)
+        Ok(part.faults.worse() > 1.0 && !is_orientable(self.surface, &part.members, self.context)?)
     }
 
     /// What a part that cannot be laid flat, or forks, falls into, at most `more` parts more than there
@@ -262,7 +254,7 @@ impl Cutter<'_> {
         if let Some(flat) = &flat {
             let region = Region::of(&flat.points, self.context)?;
             of_kind = kind(&region, self.largest_radius(&members));
-            faults = Faults::of(self.measure, (flat, &region), &surface, self.context)?;
+            faults = Faults::of((self.measure, self.has_tunnels), (flat, &region), &surface, self.context)?;
         }
         Ok(Part { members, surface, flat, kind: of_kind, faults, is_bare: false })
     }

@@ -7,7 +7,7 @@ use crate::pipeline::context::Context;
 use crate::pipeline::kind::Kind;
 use crate::pipeline::plane::Flat;
 use crate::pipeline::plane::embedding::MAX_TURNED_OVER;
-use crate::pipeline::plane::region::Region;
+use crate::pipeline::plane::region::{HOLES_REFUSED, Region};
 use crate::pipeline::surface::Surface;
 
 /// Residual variance above which a sheet counts as not laid flat. Sheets known to be developable
@@ -60,20 +60,22 @@ pub(super) struct Faults {
     plane: f64,
     /// [`Chart::squareness`] of its region; 1 of one that is compact.
     squareness: f64,
+    /// Share of its region that holes take, unless they are gaps of the skeleton.
+    holes: f64,
 }
 
 impl Faults {
     /// None: of what is not laid flat.
     pub fn none(measure: Measure) -> Self {
-        Self { measure, plane: 0.0, squareness: 1.0 }
+        Self { measure, plane: 0.0, squareness: 1.0, holes: 0.0 }
     }
 
-    /// Of a surface in its plane.
+    /// Of a surface in its plane; `has_tunnels`: so that holes may be those of the solid.
     ///
     /// # Errors
     /// When it is cancelled.
     pub fn of(
-        measure: Measure,
+        (measure, has_tunnels): (Measure, bool),
         (flat, region): (&Flat, &Region),
         surface: &Surface,
         context: &Context<'_>,
@@ -82,12 +84,19 @@ impl Faults {
             Measure::Residual => flat.embedded.map_or(0.0, |embedded| embedded.residual_variance),
             Measure::TurnedOver => flat.distortion(surface, context)?.map_or(0.0, |found| found.turned_over),
         };
-        Ok(Self { measure, plane, squareness: squareness(region, context)? })
+        let holes = if has_tunnels { region.hole_share } else { 0.0 };
+        Ok(Self { measure, plane, squareness: squareness(region, context)?, holes })
     }
 
-    /// The worse of both, over what it may be: above 1 a part is cut.
+    /// The worst of them, over what it may be: above 1 a part is cut.
     pub fn worse(self) -> f64 {
-        (self.plane / self.measure.most()).max((1.0 - self.squareness) / (1.0 - LEAST_SQUARENESS))
+        let bend = (1.0 - self.squareness) / (1.0 - LEAST_SQUARENESS);
+        (self.plane / self.measure.most()).max(bend).max(self.holes / HOLES_REFUSED)
+    }
+
+    /// Whether it has holes that no lattice covers.
+    pub fn has_holes(self) -> bool {
+        self.holes > HOLES_REFUSED
     }
 
     /// Whether it does not lie flat in its plane.
@@ -103,7 +112,8 @@ impl Faults {
 
 impl std::fmt::Display for Faults {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} {:.3}, squareness {:.2}", self.measure.name(), self.plane, self.squareness)
+        write!(f, "{} {:.3}, squareness {:.2}", self.measure.name(), self.plane, self.squareness)?;
+        if self.has_holes() { write!(f, ", holes {:.2}", self.holes) } else { Ok(()) }
     }
 }
 
