@@ -9,6 +9,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::closed::closed;
 use super::lattice::{LatticeSize, ring};
+use super::meshes::TriangleMesh;
 use super::shell::{FLANK, Flanks, Shell};
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::triangles::self_intersections;
@@ -54,32 +55,13 @@ impl Patches {
     /// # Errors
     /// When it is cancelled.
     pub fn of(shell: Shell<'_>, cancel: &dyn Cancel) -> Result<(Self, Option<usize>), Cancelled> {
-        let first = Self::unchecked(shell);
-        let crossings = first.crossings(cancel)?;
-        let mut best = (first, crossings);
-        for bend in &BENDS[1..] {
-            if best.1.is_none_or(|crossings| crossings == 0) {
-                break;
-            }
-            let patches = Self::bent(shell, *bend);
-            let crossings = patches.crossings(cancel)?;
-            if crossings < best.1 {
-                best = (patches, crossings);
-            }
-        }
-        Ok(best)
+        least_crossing(|bend| Self::bent(shell, bend), |patches| closed(patches.into()), cancel)
     }
 
     /// Those with their bends as they are, whether or not they run through each other.
     #[must_use]
     pub fn unchecked(shell: Shell<'_>) -> Self {
         Self::bent(shell, BENDS[0])
-    }
-
-    /// Pairs of triangles of the closed surface that run through each other.
-    fn crossings(&self, cancel: &dyn Cancel) -> Result<Option<usize>, Cancelled> {
-        let Some(mesh) = closed(self.into()) else { return Ok(None) };
-        self_intersections(&mesh.positions, &mesh.triangles, cancel).map(Some)
     }
 
     fn bent(shell: Shell<'_>, bend: f64) -> Self {
@@ -109,6 +91,33 @@ impl Patches {
             valid: refiner.valid(),
         }
     }
+}
+
+/// The first of the smooth surfaces, by how much they bend, whose closed surface does not run through itself, else the one
+/// that does least; and how many pairs of its triangles do, `None` without a closed surface.
+///
+/// # Errors
+/// When it is cancelled.
+pub(super) fn least_crossing<T>(
+    bent: impl Fn(f64) -> T,
+    closed: impl Fn(&T) -> Option<TriangleMesh>,
+    cancel: &dyn Cancel,
+) -> Result<(T, Option<usize>), Cancelled> {
+    let mut best: Option<(T, Option<usize>)> = None;
+    for bend in BENDS {
+        let surface = bent(bend);
+        let crossings = match closed(&surface) {
+            Some(mesh) => Some(self_intersections(&mesh.positions, &mesh.triangles, cancel)?),
+            None => None,
+        };
+        if best.as_ref().is_none_or(|best| crossings < best.1) {
+            best = Some((surface, crossings));
+        }
+        if best.as_ref().is_some_and(|best| best.1.is_none_or(|crossings| crossings == 0)) {
+            break;
+        }
+    }
+    Ok(best.unwrap_or_else(|| (bent(BENDS[0]), None)))
 }
 
 /// A node, and whether it lies on the sheet.

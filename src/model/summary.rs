@@ -100,18 +100,22 @@ fn thickness_summary<'a>(
     }
     let mut walls = Vec::new();
     for tube in tubes {
-        let (lengths, totals) = (tube.lengths_mm(), tube.total_mm());
-        for (node, area) in tube.node_areas_mm2().into_iter().enumerate() {
-            if area > 0.0 && totals[node].is_finite() && !tube.is_marred(node) {
-                // A sheet has its area once, and a surface on either side.
-                walls.push((lengths[node], area / 2.0));
-                weighted[2].push((totals[node], area / 2.0));
-            }
-        }
+        // A sheet has its area once, and a surface on either side.
+        let [wall, total] = tube.weighted_lengths().map(halved);
+        walls.extend(wall);
+        weighted[2].extend(total);
     }
     let area_mm2 = weighted[2].iter().map(|(_, weight)| weight).sum();
     let [upper_mm, lower_mm, total_mm] = weighted.map(length_summary);
     ThicknessSummary { upper_mm, lower_mm, total_mm, wall_mm: length_summary(walls), area_mm2 }
+}
+
+/// The same with half of the weights.
+fn halved(mut weighted: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    for (_, weight) in &mut weighted {
+        *weight /= 2.0;
+    }
+    weighted
 }
 
 /// The area of the medial lattice round each node: a quarter of each adjacent quad.

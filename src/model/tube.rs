@@ -10,6 +10,7 @@ use super::meshes::{SurfaceMesh, TriangleMesh, normals};
 use super::quality::{FigureQuality, NodeRepair};
 use super::summary::{LengthSummary, length_summary};
 use crate::numerics::field::id;
+use crate::numerics::polyline::{Polyline, vector_area};
 use crate::numerics::triangles::volume;
 use crate::space::{ParamPoint, WorldPoint, WorldVector};
 
@@ -82,8 +83,8 @@ pub struct TubeSection {
 pub struct TubeSummary {
     /// Length from tip to tip, mm.
     pub length_mm: f64,
-    /// That length over the distance of the tips.
-    pub tortuosity: f64,
+    /// That length over the distance of the tips; `None` of a ring.
+    pub tortuosity: Option<f64>,
     /// Radius of sections.
     pub radius_mm: Option<LengthSummary>,
     /// Area of sections, mm².
@@ -137,6 +138,22 @@ impl TubeShell<'_> {
         quads
     }
 
+    /// Whether the tube is a ring: its last column is the first again, and the tips lie at the centre that they share.
+    #[must_use]
+    pub fn is_ring(&self) -> bool {
+        let [first, last] = self.tips;
+        self.size.cols > 2 && first == last && self.centres.first() == Some(&first)
+    }
+
+    /// The tips that the first and the last column are closed by, each with its column; none of a ring.
+    #[must_use]
+    pub fn fans(&self) -> Vec<(Point3<f64>, usize)> {
+        if self.is_ring() {
+            return Vec::new();
+        }
+        vec![(self.tips[0], 0), (self.tips[1], self.size.cols - 1)]
+    }
+
     /// The wall and the fans of the tips as one watertight mesh that faces outward. `None` when a node is not finite or
     /// there are fewer than three rows or one column.
     #[must_use]
@@ -147,12 +164,15 @@ impl TubeShell<'_> {
         if rows < 3 || cols < 1 || !positions.iter().all(|p| p.iter().all(|x| x.is_finite())) {
             return None;
         }
+        let is_ring = self.is_ring();
+        // In a ring the last column is the first again.
+        let corner = |n: usize| id(if is_ring && n % cols == cols - 1 { n + 1 - cols } else { n });
         let mut triangles = Vec::new();
         for [a, b, c, d] in self.quads() {
-            triangles.extend([[a, b, c], [b, d, c]].map(|corners| corners.map(id)));
+            triangles.extend([[a, b, c], [b, d, c]].map(|corners| corners.map(corner)));
         }
         let [first, last] = [id(self.wall.len()), id(self.wall.len() + 1)];
-        for i in 0..rows {
+        for i in 0..if is_ring { 0 } else { rows } {
             let next = (i + 1) % rows;
             triangles.push([first, id(i * cols), id(next * cols)]);
             triangles.push([last, id(next * cols + cols - 1), id(i * cols + cols - 1)]);
@@ -217,17 +237,13 @@ impl Tube {
             if col > 0 {
                 station_mm += (self.centreline[col] - self.centreline[col - 1]).norm();
             }
-            let (mut doubled, mut perimeter_mm) = (WorldVector::zeros(), 0.0);
-            for row in 0..rows {
-                let [a, b] = [row, (row + 1) % rows].map(|row| self.wall[row * cols + col]);
-                doubled += (a - self.centreline[col]).cross(&(b - self.centreline[col]));
-                perimeter_mm += (b - a).norm();
-            }
-            let area_mm2 = doubled.norm() / 2.0;
+            let ring = (0..=rows).map(|row| self.wall[row % rows * cols + col].coords).collect();
+            let ring = Polyline::open(ring);
+            let area_mm2 = vector_area(ring.points()).norm();
             sections.push(TubeSection {
                 station_mm,
                 area_mm2,
-                perimeter_mm,
+                perimeter_mm: ring.length(),
                 radius_mm: (area_mm2 / std::f64::consts::PI).sqrt(),
                 curvature_per_mm: self.curvature(col),
             });
@@ -235,13 +251,15 @@ impl Tube {
         sections
     }
 
-    /// Curvature of the centreline at a column, 1/mm: of the circle through it and those beside it; none at the ends.
+    /// Curvature of the centreline at a column, 1/mm: of the circle through it and those beside it; none at open ends.
     fn curvature(&self, col: usize) -> f64 {
-        let (Some(before), Some(after)) =
-            (col.checked_sub(1).and_then(|n| self.centreline.get(n)), self.centreline.get(col + 1))
-        else {
-            return 0.0;
+        let last = self.grid.cols - 1;
+        let beside = match (col, TubeShell::from(self).is_ring()) {
+            (col, _) if 0 < col && col < last => [col - 1, col + 1],
+            (_, true) => [last - 1, 1],
+            _ => return 0.0,
         };
+        let [before, after] = beside.map(|n| self.centreline[n]);
         let [a, b] = [self.centreline[col] - before, after - self.centreline[col]];
         let product = a.norm() * b.norm() * (a + b).norm();
         if product < 1e-12 { 0.0 } else { 2.0 * a.cross(&b).norm() / product }
@@ -260,7 +278,8 @@ impl Tube {
         };
         TubeSummary {
             length_mm,
-            tortuosity: length_mm / (self.tips[1] - self.tips[0]).norm().max(1e-12),
+            tortuosity: (!TubeShell::from(self).is_ring())
+                .then(|| length_mm / (self.tips[1] - self.tips[0]).norm().max(1e-12)),
             radius_mm: along(|section| section.radius_mm),
             section_area_mm2: along(|section| section.area_mm2),
             curvature_per_mm: along(|section| section.curvature_per_mm),
@@ -270,16 +289,23 @@ impl Tube {
     /// Lengths of its vectors, weighted by the area of the wall.
     #[must_use]
     pub fn wall_summary(&self) -> WallSummary {
+        let [wall, total] = self.weighted_lengths();
+        let area_mm2 = wall.iter().map(|(_, area)| area).sum();
+        WallSummary { wall_mm: length_summary(wall), total_mm: length_summary(total), area_mm2 }
+    }
+
+    /// Length of each vector, and the same and of the one opposite, mm, each with the area of the wall round its node, mm²; but
+    /// for nodes that repair spoilt.
+    pub(super) fn weighted_lengths(&self) -> [Vec<(f64, f64)>; 2] {
         let (lengths, totals) = (self.lengths_mm(), self.total_mm());
-        let (mut wall, mut total, mut area_mm2) = (Vec::new(), Vec::new(), 0.0);
+        let mut weighted: [Vec<(f64, f64)>; 2] = Default::default();
         for (node, area) in self.node_areas_mm2().into_iter().enumerate() {
             if area > 0.0 && totals[node].is_finite() && !self.is_marred(node) {
-                wall.push((lengths[node], area));
-                total.push((totals[node], area));
-                area_mm2 += area;
+                weighted[0].push((lengths[node], area));
+                weighted[1].push((totals[node], area));
             }
         }
-        WallSummary { wall_mm: length_summary(wall), total_mm: length_summary(total), area_mm2 }
+        weighted
     }
 
     /// The wall as triangles that face outward. Nodes of the first row come again after the last one's, so that a

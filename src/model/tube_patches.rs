@@ -4,10 +4,9 @@
 use nalgebra::Point3;
 
 use super::lattice::LatticeSize;
-use super::patches::{BENDS, Knot, MOST, PIECES, refined};
+use super::patches::{BENDS, Knot, MOST, PIECES, least_crossing, refined};
 use super::tube::TubeShell;
 use crate::cancel::{Cancel, Cancelled};
-use crate::numerics::triangles::self_intersections;
 
 /// Nodes of a closed line that come again at either end, so that it bends at its seam as everywhere else.
 const OVERLAP: usize = 3;
@@ -34,20 +33,7 @@ impl TubePatches {
     /// # Errors
     /// When it is cancelled.
     pub fn of(shell: TubeShell<'_>, cancel: &dyn Cancel) -> Result<(Self, Option<usize>), Cancelled> {
-        let first = Self::unchecked(shell);
-        let crossings = first.crossings(cancel)?;
-        let mut best = (first, crossings);
-        for bend in &BENDS[1..] {
-            if best.1.is_none_or(|crossings| crossings == 0) {
-                break;
-            }
-            let patches = Self::bent(shell, *bend);
-            let crossings = patches.crossings(cancel)?;
-            if crossings < best.1 {
-                best = (patches, crossings);
-            }
-        }
-        Ok(best)
+        least_crossing(|bend| Self::bent(shell, bend), |patches| TubeShell::from(patches).closed(), cancel)
     }
 
     /// Those with their bends as they are, whether or not they run through each other.
@@ -56,37 +42,45 @@ impl TubePatches {
         Self::bent(shell, BENDS[0])
     }
 
-    fn crossings(&self, cancel: &dyn Cancel) -> Result<Option<usize>, Cancelled> {
-        let Some(mesh) = TubeShell::from(self).closed() else { return Ok(None) };
-        self_intersections(&mesh.positions, &mesh.triangles, cancel).map(Some)
-    }
-
     fn bent(shell: TubeShell<'_>, bend: f64) -> Self {
         let LatticeSize { rows, cols } = shell.size;
         let cuts = PIECES.div_ceil(rows.max(cols).max(1)).clamp(1, MOST);
-        let fine = LatticeSize { rows: rows * cuts, cols: (cols + 1) * cuts - 1 };
-        // Along every row, from tip to tip; beyond a tip it goes on along the row opposite, so that caps are round there.
+        // Along every row, from tip to tip; beyond a tip it goes on along the row opposite, so that caps are round there. A ring
+        // goes on from its last column to its second.
+        let is_ring = shell.is_ring();
+        let fine_cols = if is_ring { (cols - 1) * cuts + 1 } else { (cols + 1) * cuts - 1 };
+        let fine = LatticeSize { rows: rows * cuts, cols: fine_cols };
+        let ahead = usize::from(!is_ring);
         let mut along = Vec::with_capacity(rows);
         for row in 0..rows {
             let opposite = (row + rows / 2) % rows;
-            let mut knots: Vec<Knot> = vec![(shell.wall[opposite * cols], true), (shell.tips[0], true)];
-            knots.extend((0..cols).map(|col| (shell.wall[row * cols + col], true)));
-            knots.extend([(shell.tips[1], true), (shell.wall[opposite * cols + cols - 1], true)]);
+            let own = &shell.wall[row * cols..(row + 1) * cols];
+            let [before, after] = if is_ring {
+                [vec![own[cols - 2]], vec![own[1]]]
+            } else {
+                [
+                    vec![shell.wall[opposite * cols], shell.tips[0]],
+                    vec![shell.tips[1], shell.wall[opposite * cols + cols - 1]],
+                ]
+            };
+            let knots: Vec<Knot> = before.iter().chain(own).chain(&after).map(|place| (*place, true)).collect();
             let line = refined(&knots, cuts, bend);
             along.push(line[cuts..line.len() - cuts].to_vec());
         }
         let mut wall = vec![Point3::origin(); fine.rows * fine.cols];
         for col in 0..fine.cols {
-            let ring: Vec<Knot> = along.iter().map(|line| line[col + 1]).collect();
+            let ring: Vec<Knot> = along.iter().map(|line| line[col + ahead]).collect();
             for (row, (point, _)) in closed_line(&ring, cuts, bend).into_iter().enumerate() {
                 wall[row * fine.cols + col] = point;
             }
         }
-        let mut centres: Vec<Knot> = vec![(shell.centres[0], true)];
-        centres.extend(shell.centres.iter().map(|centre| (*centre, true)));
-        centres.push((shell.centres[cols - 1], true));
+        let mut centres: Vec<Knot> = shell.centres.iter().map(|centre| (*centre, true)).collect();
+        if !is_ring {
+            centres.insert(0, (shell.centres[0], true));
+            centres.push((shell.centres[cols - 1], true));
+        }
         // Straight, as wedges are: a centre that stands still in a cap must not swing.
-        let centres = refined(&centres, cuts, 0.0)[1..=fine.cols].iter().map(|(centre, _)| *centre).collect();
+        let centres = refined(&centres, cuts, 0.0)[ahead..][..fine.cols].iter().map(|(centre, _)| *centre).collect();
         Self { size: fine, centres, wall, tips: shell.tips }
     }
 }

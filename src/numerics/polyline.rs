@@ -1,6 +1,6 @@
 //! Lines of straight pieces, measured by their length.
 
-use nalgebra::SVector;
+use nalgebra::{SVector, Vector3};
 
 use super::field::floor_index;
 
@@ -113,10 +113,42 @@ impl<const D: usize> Polyline<D> {
     }
 }
 
+/// The fewest nodes on some lines, from `least` on and up to `most`, `step` more at a time, between which chords follow them: of
+/// each group of lines the share `within` of the points lies no further than the tolerance from them. A line has as many from
+/// one end to the other, both counted.
+#[must_use]
+pub fn fewest_nodes<const D: usize>(
+    groups: &[&[&Polyline<D>]],
+    [least, most, step]: [usize; 3],
+    (tolerance, within): (f64, f64),
+) -> usize {
+    let mut nodes = least;
+    while nodes < most && groups.iter().any(|lines| share_within(lines, nodes, tolerance) < within) {
+        nodes += step;
+    }
+    nodes
+}
+
+/// Length of the longest of some lines.
+#[must_use]
+pub fn longest<const D: usize>(lines: &[Polyline<D>]) -> f64 {
+    lines.iter().map(Polyline::length).fold(0.0, f64::max)
+}
+
+/// Vector area of a closed curve, whose first point comes again at the end.
+#[must_use]
+pub fn vector_area(curve: &[Vector3<f64>]) -> Vector3<f64> {
+    let mut doubled = Vector3::zeros();
+    let Some(first) = curve.first() else { return doubled };
+    for pair in curve.windows(2) {
+        doubled += (pair[0] - first).cross(&(pair[1] - first));
+    }
+    doubled / 2.0
+}
+
 /// Share of the points of some lines that lie near the chords between so many nodes, equally far apart from one end of each
 /// to the other.
-#[must_use]
-pub fn share_within<const D: usize>(lines: &[&Polyline<D>], nodes: usize, tolerance: f64) -> f64 {
+fn share_within<const D: usize>(lines: &[&Polyline<D>], nodes: usize, tolerance: f64) -> f64 {
     let (mut near, mut all) = (0usize, 0usize);
     for line in lines {
         let knots = line.evenly(nodes, nodes - 1);
@@ -155,6 +187,24 @@ mod tests {
         assert_eq!(open.place(3.0), (1, 0.5));
         assert_eq!(open.length_at((1, 0.5)), 3.0);
         assert_eq!(open.point((1, 0.5)), Vector2::new(2.0, 1.0));
+    }
+
+    #[test]
+    fn chords_of_a_circle_are_as_many_as_it_takes() {
+        let angle = |n: usize| n as f64 * std::f64::consts::TAU / 720.0;
+        let circle: Vec<_> = (0..720).map(|n| Vector2::new(10.0 * angle(n).cos(), 10.0 * angle(n).sin())).collect();
+        let circle = Polyline::closed(circle);
+        // The middle of one of n chords lies 10 (1 − cos π/n) inside: 0.251 with 14, 0.219 with 15.
+        let nodes = |most: usize| fewest_nodes(&[&[&circle]], [3, most, 1], (0.25, 1.0));
+        assert_eq!((nodes(64), nodes(8)), (16, 8));
+    }
+
+    #[test]
+    fn the_area_of_a_square_has_its_normal() {
+        let square = [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0), (0.0, 0.0)];
+        let area = vector_area(&square.map(|(x, y)| Vector3::new(x, y, 5.0)));
+        assert_eq!(area, Vector3::new(0.0, 0.0, 4.0));
+        assert_eq!(vector_area(&[]), Vector3::zeros());
     }
 
     #[test]

@@ -9,7 +9,7 @@ use super::PipelineError;
 use super::context::Context;
 use super::draft::AnyDraft;
 use super::medial::MedialSurface;
-use super::quality::fill_share;
+use super::quality::overlap::overlap_with_part;
 use super::solid::Solid;
 use super::solid::depth::Depth;
 use super::stages::{Figures, sheet_figures};
@@ -34,7 +34,8 @@ const LONG: f64 = 3.5;
 const MODERATE: f64 = 3.8;
 /// See [`MODERATE`].
 const LONGISH: f64 = 2.0;
-/// The same of each branch of a ring.
+/// Flatness of the sections up to which the branches of what has holes are those of a ring of tubes. Those of a round ring have
+/// 1.0 to 1.2, of a flat one, which is a sheet with a hole, 1.5 to 1.7.
 const ROUND_BRANCH: f64 = 1.35;
 /// Overlap with the solid's mask from which sheets are sound, and share of their nodes that may be spoilt.
 const SOUND_OVERLAP: f64 = 0.87;
@@ -110,7 +111,7 @@ fn may_be_tube(refusal: &Refusal) -> bool {
 /// sheet that has to be cut, and what it is cut into here would have no thickness.
 fn stand_for(tubes: &Tubes, refusal: &Refusal) -> bool {
     let is_ring = matches!(refusal, Refusal::SheetHasHoles { .. });
-    let is_round = |tube: &TubeDraft| tube.flatness <= ROUND_BRANCH && AnyDraft::Tube(tube).folds() == 0;
+    let is_round = |tube: &TubeDraft| tube.flatness <= ROUND_BRANCH && AnyDraft::Tube(tube).is_legal();
     !is_ring || tubes.drafts.iter().all(is_round)
 }
 
@@ -129,14 +130,14 @@ struct Sheets {
 impl Sheets {
     fn of(figures: Figures, solid: &Solid, context: &Context<'_>) -> Result<Self, Cancelled> {
         let drafts = figures.drafts();
-        let overlap = fill_share(solid, &drafts, context)?;
-        let (mut folds, mut nodes, mut spoilt) = (0, 0, 0);
+        let overlap = overlap_with_part(solid, &drafts, context)?;
+        let (mut is_legal, mut nodes, mut spoilt) = (true, 0, 0);
         for draft in &drafts {
-            folds += draft.folds();
+            is_legal &= draft.is_legal();
             nodes += draft.repair().nodes;
             spoilt += draft.repair().marred_nodes;
         }
-        let is_sound = folds == 0 && overlap >= SOUND_OVERLAP && spoilt as f64 <= SOUND_SPOILT * nodes as f64;
+        let is_sound = is_legal && overlap >= SOUND_OVERLAP && spoilt as f64 <= SOUND_SPOILT * nodes as f64;
         let width_in_radii = drafts.first().map_or(0.0, |main| {
             let radius_mm = mean(main.radii()).unwrap_or(0.0) * solid.unit_mm;
             main.choices().width_mm / radius_mm.max(f64::MIN_POSITIVE)
@@ -155,7 +156,7 @@ impl Sheets {
     /// Whether tubes stand better for the part than they do.
     fn yield_to(&self, tubes: &Tubes, solid: &Solid, context: &Context<'_>) -> Result<bool, Cancelled> {
         let drafts: Vec<AnyDraft<'_>> = tubes.drafts.iter().map(AnyDraft::Tube).collect();
-        if drafts.iter().any(|draft| draft.folds() > 0) {
+        if !drafts.iter().all(|draft| draft.is_legal()) {
             return Ok(false);
         }
         if self.is_sound {
@@ -164,7 +165,7 @@ impl Sheets {
             let is_long = tube.flatness <= ROUND && elongation >= LONG;
             return Ok(is_long || (self.width_in_radii <= NARROW && tube.flatness <= NEARLY_ROUND));
         }
-        Ok(fill_share(solid, &drafts, context)? > self.overlap)
+        Ok(overlap_with_part(solid, &drafts, context)? > self.overlap)
     }
 
     /// The tubes with what spoke against them.

@@ -49,15 +49,12 @@ impl<'a> AnyDraft<'a> {
         vectors
     }
 
-    /// Corners of its parts that are turned over.
+    /// Whether no part of it is turned over.
     #[must_use]
-    pub fn folds(self) -> usize {
+    pub fn is_legal(self) -> bool {
         match self {
-            Self::Sheet(draft) => {
-                let legality = sheets_legality((&draft.nodes).into());
-                legality.folds + legality.parts.len()
-            }
-            Self::Tube(draft) => tubes_legality(&draft.nodes).folds,
+            Self::Sheet(draft) => sheets_legality((&draft.nodes).into()).parts.is_empty(),
+            Self::Tube(draft) => tubes_legality(&draft.nodes).wedges.is_empty(),
         }
     }
 

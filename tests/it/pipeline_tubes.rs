@@ -146,7 +146,7 @@ fn vectors_have_the_radius_and_the_line_its_length() {
     }
     let summary = tube.summary();
     assert!((summary.length_mm - 86.0).abs() < 1.5, "length {:.1}", summary.length_mm);
-    assert!((summary.tortuosity - 1.0).abs() < 0.01);
+    assert!((summary.tortuosity.expect("has two tips") - 1.0).abs() < 0.01);
     let radius = summary.radius_mm.expect("sections");
     assert!((radius.mean - 8.0).abs() < 0.24 && radius.sd < 0.15, "radius {:.2} ± {:.2}", radius.mean, radius.sd);
     let total = tube.wall_summary().total_mm.expect("a wall");
@@ -257,15 +257,37 @@ fn a_bump_is_no_branch() {
 }
 
 #[test]
-fn a_ring_of_round_sections_is_two_tubes_that_meet_at_both_ends() {
+fn a_ring_of_round_sections_is_one_tube_that_meets_itself() {
     let ring = along(200, |s| {
         let turn = s * TAU;
         (Point3::new(26.0 * turn.cos(), 26.0 * turn.sin(), 0.0), 7.0)
     });
     let structure = structure(&round(&ring, Rotation3::identity()));
-    assert!(structure.tubes().all(|tube| folds(tube) == 0));
-    assert!(structure.figures.len() > 1 && !structure.junctions.is_empty());
-    assert!(structure.quality.coverage.dice > 0.85, "overlap {:.3}", structure.quality.coverage.dice);
+    let tube = tube(&structure);
+    let (summary, last) = (tube.summary(), tube.grid.cols - 1);
+    assert_eq!((structure.figures.len(), folds(tube), summary.tortuosity), (1, 0, None));
+    let [junction] = &structure.junctions[..] else { panic!("{:?}", structure.junctions) };
+    assert_eq!(junction.figures, [0, 0]);
+    // Both banks share their nodes.
+    assert_eq!(tube.centreline[0], tube.centreline[last]);
+    for row in 0..tube.grid.rows {
+        assert_eq!(tube.wall[row * tube.grid.cols], tube.wall[row * tube.grid.cols + last]);
+    }
+    assert!((summary.length_mm / (TAU * 26.0) - 1.0).abs() < 0.03, "{:.1} mm", summary.length_mm);
+    let radius = summary.radius_mm.expect("has sections").mean;
+    // Of a polygon of so many sides: 0.977 of the circle with twelve.
+    assert!((radius - 7.0).abs() < 0.3, "{radius:.2} mm");
+    assert!(structure.quality.coverage.dice > 0.96, "overlap {:.3}", structure.quality.coverage.dice);
+}
+
+#[test]
+fn a_ring_is_opened_where_the_world_says() {
+    let upright = Rotation3::from_axis_angle(&Vector3::x_axis(), 80f64.to_radians());
+    let ring = along(200, |s| (Point3::new(20.0 * (s * TAU).cos(), 20.0 * (s * TAU).sin(), 0.0), 6.0));
+    let structure = structure(&round(&ring, upright));
+    let tube = tube(&structure);
+    let middle = tube.centreline.iter().map(|p| p.z).sum::<f64>() / tube.centreline.len() as f64;
+    assert!(tube.centreline[0].z - middle > 17.0, "{:.1} mm above the middle", tube.centreline[0].z - middle);
 }
 
 #[test]

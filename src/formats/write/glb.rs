@@ -139,7 +139,8 @@ fn add_sheet(gltf: &mut Gltf, sheet: &Sheet, ranges: &Ranges) -> Vec<usize> {
     let mut nodes = Vec::new();
     for (name, surface, thickness_mm, range, material) in surfaces {
         if let Some(surface) = surface {
-            let mesh = colored(plain(name, Mode::Triangles, material), &surface, sheet.grid, &thickness_mm, range);
+            let mesh = colored(plain(name, Mode::Triangles, material), &surface, &thickness_mm, range);
+            let mesh = Mesh { texture_coordinates: Some(sheet_places(&surface, sheet.grid)), ..mesh };
             nodes.push(gltf.mesh_node(&mesh, json!({"kind": name, "color_range_mm": range.map(round)})));
         }
     }
@@ -161,16 +162,8 @@ fn add_tube(gltf: &mut Gltf, tube: &Tube, ranges: &Ranges) -> Vec<usize> {
         nodes.push(gltf.mesh_node(&mesh, json!({"kind": "centreline"})));
     }
     let Some(surface) = tube.wall_mesh() else { return nodes };
-    let thickness_mm = tube.lengths_mm();
-    let mut wall = colored(plain("wall", Mode::Triangles, SIDE), &surface, tube.grid, &thickness_mm, ranges.side);
-    // The first row comes again at the end, once round.
-    let LatticeSize { rows, cols } = tube.grid;
-    let mut places = Vec::with_capacity(surface.nodes.len());
-    for corner in 0..surface.nodes.len() {
-        let along = (corner % cols) as f64 / (cols - 1).max(1) as f64;
-        places.push([single(along), single((corner / cols) as f64 / rows as f64)]);
-    }
-    wall.texture_coordinates = Some(places);
+    let wall = colored(plain("wall", Mode::Triangles, SIDE), &surface, &tube.lengths_mm(), ranges.side);
+    let wall = Mesh { texture_coordinates: Some(wall_places(&surface, tube.grid)), ..wall };
     let extras = json!({"kind": "wall", "color_range_mm": ranges.side.map(round)});
     nodes.push(gltf.mesh_node(&wall, extras));
     let mut vectors = plain("vectors", Mode::Lines, VECTORS);
@@ -208,17 +201,30 @@ fn shaped(mesh: Mesh, surface: &SurfaceMesh) -> Mesh {
     }
 }
 
-/// The same with places in the lattice and the colour of the thickness.
-fn colored(mesh: Mesh, surface: &SurfaceMesh, grid: LatticeSize, thickness_mm: &[f64], range: Range) -> Mesh {
-    let share = |n: usize, count: usize| single(n as f64 / (count - 1).max(1) as f64);
-    let (mut places, mut colors, mut thickness) = (Vec::new(), Vec::new(), Vec::new());
+/// The same with the colour of the thickness.
+fn colored(mesh: Mesh, surface: &SurfaceMesh, thickness_mm: &[f64], range: Range) -> Mesh {
+    let (mut colors, mut thickness) = (Vec::new(), Vec::new());
     for &node in &surface.nodes {
-        places.push([share(node % grid.cols, grid.cols), share(node / grid.cols, grid.rows)]);
         colors.push(color(thickness_mm[node], range));
         thickness.push([single(thickness_mm[node])]);
     }
-    let mesh = shaped(mesh, surface);
-    Mesh { texture_coordinates: Some(places), colors: Some(colors), thickness_mm: Some(thickness), ..mesh }
+    Mesh { colors: Some(colors), thickness_mm: Some(thickness), ..shaped(mesh, surface) }
+}
+
+/// Where the corners of a sheet's surface lie in its lattice: (j, i), each from 0 to 1.
+fn sheet_places(surface: &SurfaceMesh, LatticeSize { rows, cols }: LatticeSize) -> Vec<[f32; 2]> {
+    let place = |node: &usize| [share(node % cols, cols - 1), share(node / cols, rows - 1)];
+    surface.nodes.iter().map(place).collect()
+}
+
+/// The same of a wall, whose first row comes again at the end, once round.
+fn wall_places(surface: &SurfaceMesh, LatticeSize { rows, cols }: LatticeSize) -> Vec<[f32; 2]> {
+    (0..surface.nodes.len()).map(|corner| [share(corner % cols, cols - 1), share(corner / cols, rows)]).collect()
+}
+
+/// A number over what it is at the end.
+fn share(n: usize, last: usize) -> f32 {
+    single(n as f64 / last.max(1) as f64)
 }
 
 /// A line from every drawn medial node to each side.

@@ -12,7 +12,7 @@ use super::LEAST_SIZE;
 use crate::cancel::Cancelled;
 use crate::model::LatticeSize;
 use crate::numerics::field::floor_index;
-use crate::numerics::polyline::{Polyline, share_within};
+use crate::numerics::polyline::{Polyline, fewest_nodes, longest};
 use crate::pipeline::chart::Chart;
 use crate::pipeline::context::Context;
 use crate::pipeline::lattice::map::SpaceFromPlane;
@@ -63,17 +63,7 @@ fn lines(layers: &[Vec<Point3<f64>>; 3], [count, length, step]: [usize; 3]) -> V
 /// The fewest nodes, from `least` on, whose chords follow all lines, and the sheet's rim: the first and the last of its
 /// `count` lines. No more than the points carry.
 fn fewest(lines: &[Polyline<3>], count: usize, least: usize) -> usize {
-    let mut longest = 0.0f64;
-    for line in lines {
-        longest = longest.max(line.length());
-    }
-    let rim = [&lines[0], &lines[count - 1]];
-    let most = (floor_index(longest / LEAST_SPACING) + 1).min(MOST_NODES);
-    let mut nodes = least;
-    let follow = |lines: &[&Polyline<3>], nodes: usize| share_within(lines, nodes, TOLERANCE) >= WITHIN;
     let all: Vec<&Polyline<3>> = lines.iter().collect();
-    while nodes < most && !(follow(&all, nodes) && follow(&rim, nodes)) {
-        nodes += 1;
-    }
-    nodes
+    let most = (floor_index(longest(lines) / LEAST_SPACING) + 1).min(MOST_NODES);
+    fewest_nodes(&[&all, &[all[0], all[count - 1]]], [least, most, 1], (TOLERANCE, WITHIN))
 }

@@ -18,7 +18,7 @@ pub mod map;
 
 pub(in crate::pipeline) mod chords;
 
-mod size;
+pub(in crate::pipeline) mod size;
 
 use self::rim::{WholeSheet, to_rim};
 use self::size::{automatic, respaced};

@@ -47,7 +47,7 @@ fn spaced([length, width]: [f64; 2], margin: f64, spacing: f64) -> LatticeSize {
 }
 
 /// Nodes that are nearest to `spacing` apart on a line.
-fn nodes_on(length: f64, spacing: f64) -> usize {
+pub(in crate::pipeline) fn nodes_on(length: f64, spacing: f64) -> usize {
     (floor_index(length / spacing + 0.5) + 1).clamp(*LATTICE_SIDE.start(), *LATTICE_SIDE.end())
 }
 

@@ -73,7 +73,7 @@ fn of_tube(shell: TubeShell<'_>) -> Vec<Tetrahedron> {
         let wall = |n: usize| shell.wall[n];
         all.extend(prism([centre(a), wall(a), wall(c)], [centre(b), wall(b), wall(d)]));
     }
-    for (tip, col) in [(shell.tips[0], 0), (shell.tips[1], cols - 1)] {
+    for (tip, col) in shell.fans() {
         for row in 0..shell.size.rows {
             let [here, next] = [row, (row + 1) % shell.size.rows].map(|row| shell.wall[row * cols + col]);
             all.push([shell.centres[col], here, next, tip]);

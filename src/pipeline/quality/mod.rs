@@ -14,7 +14,7 @@ mod placed;
 
 mod coverage;
 
-mod overlap;
+pub(in crate::pipeline) mod overlap;
 
 mod fill;
 
@@ -49,7 +49,6 @@ use crate::pipeline::plane::Flat;
 use crate::pipeline::plane::tangents::PlaneDistortion;
 use crate::pipeline::quality::centring::{medial_offset, tube_offset};
 use crate::pipeline::quality::coverage::coverage;
-use crate::pipeline::quality::fill::filled;
 use crate::pipeline::quality::kept::{kept, kept_share};
 use crate::pipeline::quality::measures::{FlatQuads, spacing_variation, tube_spacing, wall_distortion};
 use crate::pipeline::quality::outside::outside_share;
@@ -63,7 +62,6 @@ use crate::pipeline::solid::depth::Depth;
 use crate::pipeline::solid::parts::Sent;
 use crate::pipeline::tubes::{self, TubeDraft};
 use crate::pipeline::vectors::legality::{Illegal, Part, legality};
-use crate::space::Grid;
 
 /// A part of a label that has figures, as it is measured.
 pub struct Answered<'a> {
@@ -79,33 +77,6 @@ pub struct Answered<'a> {
     pub drafts: Vec<AnyDraft<'a>>,
     /// Sheets that were pruned.
     pub pruned: usize,
-}
-
-/// Dice of what figures fill with the mask of their part, before it was resampled.
-///
-/// # Errors
-/// When it is cancelled.
-pub(in crate::pipeline) fn fill_share(
-    solid: &Solid,
-    drafts: &[AnyDraft<'_>],
-    cancel: &dyn Cancel,
-) -> Result<f64, Cancelled> {
-    let mask = &solid.native.mask;
-    let into_mask = solid.world_from_work.to(&solid.native.world_from_voxel);
-    let mut all = Grid::filled(mask.dims(), false);
-    for draft in drafts {
-        let patches = FigurePatches::unchecked(draft.body());
-        let own = filled(mask.dims(), patches.body(), &into_mask, cancel)?;
-        for (is_in, is_own) in all.as_mut_slice().iter_mut().zip(own.as_slice()) {
-            *is_in |= is_own;
-        }
-    }
-    let (mut both, mut sum) = (0usize, 0usize);
-    for (is_in, is_mask) in all.as_slice().iter().zip(mask.as_slice()) {
-        both += usize::from(*is_in && *is_mask);
-        sum += usize::from(*is_in) + usize::from(*is_mask);
-    }
-    Ok(2.0 * both as f64 / sum.max(1) as f64)
 }
 
 /// How far the figures of a structure can be trusted, and the structure itself.

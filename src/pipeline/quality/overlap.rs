@@ -7,9 +7,10 @@ use super::fill::filled;
 use super::owners::Owners;
 use super::placed::Placed;
 use crate::cancel::{Cancel, Cancelled};
-use crate::model::Body;
+use crate::model::{Body, FigurePatches};
 use crate::numerics::field::centre;
-use crate::pipeline::solid::NativeMask;
+use crate::pipeline::draft::AnyDraft;
+use crate::pipeline::solid::{NativeMask, Solid};
 use crate::space::{Grid, VoxelFromVoxel, WorldFromVoxel};
 
 /// What stands for the figures.
@@ -51,6 +52,30 @@ pub fn overlaps(
     let rows = (0..ny * nz).into_par_iter().with_min_len(64);
     let counts = rows.map(|row| counter.of_row(row)).try_reduce(|| counter.nothing(), |a, b| Ok(sum(a, &b)))?;
     Ok(counts.iter().map(Overlap::dice).collect())
+}
+
+/// Dice of what figures of one part fill with its mask, before it was resampled; whether or not their surfaces run through
+/// each other.
+///
+/// # Errors
+/// When it is cancelled.
+pub(in crate::pipeline) fn overlap_with_part(
+    solid: &Solid,
+    drafts: &[AnyDraft<'_>],
+    cancel: &dyn Cancel,
+) -> Result<f64, Cancelled> {
+    let mask = &solid.native.mask;
+    let into_mask = solid.world_from_work.to(&solid.native.world_from_voxel);
+    let mut models = Vec::with_capacity(drafts.len());
+    for draft in drafts {
+        let patches = FigurePatches::unchecked(draft.body());
+        models.push(filled(mask.dims(), patches.body(), &into_mask, cancel)?);
+    }
+    let mut overlap = Overlap::default();
+    for (voxel, in_mask) in mask.as_slice().iter().enumerate() {
+        overlap.add(*in_mask, models.iter().any(|model| model.as_slice()[voxel]));
+    }
+    Ok(overlap.dice())
 }
 
 /// Voxels of the mask, of the model, and of both.

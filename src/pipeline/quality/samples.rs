@@ -31,7 +31,7 @@ fn of_tube(shell: TubeShell<'_>, cancel: &dyn Cancel) -> Result<Vec<SkinPoint>, 
         cancel.check()?;
         sample(quad.map(|n| shell.wall[n]), &mut samples);
     }
-    for (tip, col) in [(shell.tips[0], 0), (shell.tips[1], cols - 1)] {
+    for (tip, col) in shell.fans() {
         for row in 0..shell.size.rows {
             let [here, next] = [row, (row + 1) % shell.size.rows].map(|row| shell.wall[row * cols + col]);
             sample([here, next, tip, tip], &mut samples);

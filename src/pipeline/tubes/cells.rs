@@ -2,6 +2,7 @@
 
 use nalgebra::Point3;
 
+use super::ring::Cut;
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::components::{Connectivity, components};
 use crate::numerics::field::{floor_index, id};
@@ -36,6 +37,8 @@ pub struct Cells {
     index: Vec<[usize; 3]>,
     /// Place of the cell of index 0.
     origin: f64,
+    /// Where a ring is opened.
+    cut: Option<Cut>,
 }
 
 impl Cells {
@@ -66,6 +69,7 @@ impl Cells {
             number: Grid::filled(dims, NONE),
             index: Vec::new(),
             origin,
+            cut: None,
         };
         for (o, _) in is_kept.as_slice().iter().enumerate().filter(|(_, is)| **is) {
             let index = is_kept.index(o);
@@ -83,13 +87,41 @@ impl Cells {
         self.index.len()
     }
 
+    /// The same, opened by a cut.
+    #[must_use]
+    pub fn opened(self, cut: Cut) -> Self {
+        Self { cut: Some(cut), ..self }
+    }
+
+    /// Where it is cut open.
+    pub fn cut(&self) -> Option<&Cut> {
+        self.cut.as_ref()
+    }
+
+    /// The cells on either bank of a cut: those with faces in it.
+    pub fn banks(&self, cut: &Cut) -> [Vec<usize>; 2] {
+        let mut banks = [Vec::new(), Vec::new()];
+        for (cell, place) in self.places.iter().enumerate() {
+            if self.beside(cell).any(|next| cut.parts(*place, self.places[next])) {
+                banks[cut.bank(*place)].push(cell);
+            }
+        }
+        banks
+    }
+
+    /// Whether a cut lies between two places.
+    fn is_parted(&self, a: Point3<f64>, b: Point3<f64>) -> bool {
+        self.cut.is_some_and(|cut| cut.parts(a, b))
+    }
+
     /// The cells that a cell shares faces with.
     pub fn beside(&self, cell: usize) -> impl Iterator<Item = usize> + '_ {
-        (0..6).filter_map(move |side: usize| {
+        let beside = (0..6).filter_map(move |side: usize| {
             let mut at = self.index[cell];
             at[side / 2] = if side.is_multiple_of(2) { at[side / 2] - 1 } else { at[side / 2] + 1 };
             self.at(at)
-        })
+        });
+        beside.filter(move |&next| !self.is_parted(self.places[cell], self.places[next]))
     }
 
     fn at(&self, index: [usize; 3]) -> Option<usize> {
@@ -97,7 +129,7 @@ impl Cells {
         (number != NONE).then_some(number as usize)
     }
 
-    /// Cells no more than `reach` cells away from a place along each axis.
+    /// Cells no more than `reach` cells away from a place along each axis, on its side of a cut.
     pub fn near(&self, place: Point3<f64>, reach: usize, mut found: impl FnMut(usize)) {
         let dims = self.number.dims();
         let middle = [0, 1, 2].map(|a| floor_index((place[a] - self.origin) / self.edge + 0.5).min(dims[a] - 1));
@@ -106,7 +138,8 @@ impl Cells {
         for k in low[2]..=high[2] {
             for j in low[1]..=high[1] {
                 for i in low[0]..=high[0] {
-                    self.at([i, j, k]).into_iter().for_each(&mut found);
+                    let cell = self.at([i, j, k]).filter(|&cell| !self.is_parted(place, self.places[cell]));
+                    cell.into_iter().for_each(&mut found);
                 }
             }
         }

@@ -14,10 +14,15 @@ use nalgebra::{Matrix4, Point3, Vector3, Vector4};
 
 use super::cells::Cells;
 use crate::cancel::{Cancel, Cancelled};
+use crate::numerics::field::id;
 
+/// How far the drain reaches, inscribed radii at the tip.
+const DRAIN_RADII: f64 = 2.0;
 /// How much of f the drain takes up: f grows by the factor cosh of this from the tip to where the drain ends. With 0.5 f is
 /// nearly the same all over the drain, with 4 it is nothing at the tip; in between sections change by chance only.
 const DRAINED: f64 = 1.5;
+/// How firmly the value on a bank is held, in flows through a whole face.
+const HELD: f64 = 1e4;
 /// What is left of the equation where the solver ends, as a share: far below what the cells tell.
 const SETTLED: f64 = 1e-7;
 /// Rounds at most. A tube of 500 cells takes about as many.
@@ -27,22 +32,60 @@ const FIT_REACH: usize = 2;
 
 /// A function on the cells of a solid.
 pub struct Drain<'a> {
-    cells: &'a Cells,
+    /// The cells.
+    pub cells: &'a Cells,
     /// Its value in each cell.
     pub values: Vec<f64>,
 }
 
 impl<'a> Drain<'a> {
-    /// With these cells as the drain, which reaches so far.
+    /// The one that flows off at a tip; `lengths`: of the ways from there to the cells.
     ///
     /// # Errors
     /// When it is cancelled.
-    pub fn into(cells: &'a Cells, drain: &[bool], reach: f64, cancel: &dyn Cancel) -> Result<Self, Cancelled> {
+    pub fn at_tip(cells: &'a Cells, lengths: &[f32], cancel: &dyn Cancel) -> Result<Self, Cancelled> {
+        let mut order: Vec<usize> = (0..cells.len()).collect();
+        order.sort_by(|&a, &b| lengths[a].total_cmp(&lengths[b]));
+        // Up to where it has gone as many radii as the way there is deep.
+        let (mut deepest, mut reach) = (0.0f64, 0.0);
+        for &cell in &order {
+            deepest = deepest.max(cells.depths[cell]);
+            reach = f64::from(lengths[cell]);
+            if reach >= DRAIN_RADII * deepest.max(cells.edge) {
+                break;
+            }
+        }
         let sink = (DRAINED * cells.edge / reach.max(cells.edge)).powi(2);
+        let is_drain = |cell: usize| f64::from(lengths[cell]) <= reach;
+        let sinks: Vec<f64> =
+            (0..cells.len()).map(|cell| if is_drain(cell) { sink * cells.shares[cell] } else { 0.0 }).collect();
+        // In units in which values are neither large nor small.
+        let whole: f64 = cells.shares.iter().sum();
+        let sources: Vec<f64> = cells.shares.iter().map(|share| share / whole).collect();
+        Self::solved(cells, &sinks, &sources, cancel)
+    }
+
+    /// The one that grows evenly from 0 on one bank of a cut to 1 on the other, without sources between.
+    ///
+    /// # Errors
+    /// When it is cancelled.
+    pub fn between(cells: &'a Cells, banks: &[Vec<usize>; 2], cancel: &dyn Cancel) -> Result<Self, Cancelled> {
+        let (mut sinks, mut sources) = (vec![0.0; cells.len()], vec![0.0; cells.len()]);
+        for (value, bank) in [0.0, 1.0].into_iter().zip(banks) {
+            for &cell in bank {
+                sinks[cell] = HELD;
+                sources[cell] = HELD * value;
+            }
+        }
+        Self::solved(cells, &sinks, &sources, cancel)
+    }
+
+    /// With what every cell loses for each unit of its value, and what it gains.
+    fn solved(cells: &'a Cells, sinks: &[f64], sources: &[f64], cancel: &dyn Cancel) -> Result<Self, Cancelled> {
         let mut equation = Equation { rows: Vec::with_capacity(cells.len()), diagonal: Vec::new() };
-        for (cell, is_drain) in drain.iter().enumerate() {
+        for (cell, sink) in sinks.iter().enumerate() {
             let mut row = Row::default();
-            let mut own = if *is_drain { sink * cells.shares[cell] } else { 0.0 };
+            let mut own = *sink;
             for next in cells.beside(cell) {
                 let flow = cells.shares[cell].min(cells.shares[next]);
                 row.add(next, flow);
@@ -51,10 +94,7 @@ impl<'a> Drain<'a> {
             equation.rows.push(row);
             equation.diagonal.push(own.max(1e-12));
         }
-        // In units in which values are neither large nor small.
-        let whole: f64 = cells.shares.iter().sum();
-        let sources: Vec<f64> = cells.shares.iter().map(|share| share / whole).collect();
-        Ok(Self { cells, values: equation.solved(&sources, cancel)? })
+        Ok(Self { cells, values: equation.solved(sources, cancel)? })
     }
 
     /// Its value at a place, by a plane fitted to the cells around; `None` far from all cells.
@@ -92,7 +132,7 @@ struct Row {
 
 impl Row {
     fn add(&mut self, next: usize, flow: f64) {
-        self.next[self.count] = crate::numerics::field::id(next);
+        self.next[self.count] = id(next);
         self.flows[self.count] = flow;
         self.count += 1;
     }

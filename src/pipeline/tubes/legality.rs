@@ -3,6 +3,7 @@
 use nalgebra::Point3;
 
 use super::wall::TubeNodes;
+use crate::model::TubeShell;
 
 /// A wedge whose Jacobian has the wrong sign in a corner, by its first row and column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,7 +34,8 @@ pub fn legality(nodes: &TubeNodes) -> TubeLegality {
             found.note(row, col, &corners(nodes, row, col));
         }
     }
-    for (tip, col, sense) in [(nodes.tips[0], 0, -1.0), (nodes.tips[1], nodes.size.cols - 1, 1.0)] {
+    for (tip, col) in TubeShell::from(nodes).fans() {
+        let sense = if col == 0 { -1.0 } else { 1.0 };
         for row in 0..nodes.size.rows {
             let centre = nodes.centres[col];
             let [a, b] = [row, row + 1].map(|row| nodes.wall_at(row, col) - centre);

@@ -6,8 +6,10 @@ use super::cells::Cells;
 use super::drain::Drain;
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::field::floor_index;
+use crate::numerics::graph::Graph;
 use crate::numerics::moments::Axes3;
 use crate::numerics::polyline::Polyline;
+use crate::numerics::stats::median;
 use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::depth::Depth;
 
@@ -30,8 +32,6 @@ const AHEAD: usize = 3;
 const ONE_CENTRE: f64 = 0.3;
 /// Height of such bumps, work units.
 const BUMP: f64 = 1.5;
-/// How far the drain reaches, inscribed radii at the tip.
-const DRAIN_RADII: f64 = 2.0;
 
 /// The two tips, as cells: that from which columns run first.
 #[derive(Clone, Copy, Debug)]
@@ -43,12 +43,11 @@ pub struct Tips {
 }
 
 impl Tips {
-    /// The cells that are farthest from each other inside; of a round solid, its lowest and highest.
+    /// The cells that are farthest from each other inside, by their graph; of a round solid, its lowest and highest.
     ///
     /// # Errors
     /// When it is cancelled.
-    pub fn of(cells: &Cells, solid: &Solid, cancel: &dyn Cancel) -> Result<Self, Cancelled> {
-        let graph = cells.graph(cancel)?;
+    pub fn of(cells: &Cells, graph: &Graph, solid: &Solid, cancel: &dyn Cancel) -> Result<Self, Cancelled> {
         let from_middle = graph.geodesics(cells.deepest(), cancel)?;
         let first = farthest(cells.len(), |cell| f64::from(from_middle[cell]));
         let from_first = graph.geodesics(first, cancel)?;
@@ -96,26 +95,6 @@ fn farthest(count: usize, value: impl Fn(usize) -> f64) -> usize {
     best
 }
 
-/// The function of a tube that flows off at its first tip; `lengths`: of the ways from there.
-///
-/// # Errors
-/// When it is cancelled.
-pub fn drained<'a>(cells: &'a Cells, lengths: &[f32], cancel: &dyn Cancel) -> Result<Drain<'a>, Cancelled> {
-    let mut order: Vec<usize> = (0..cells.len()).collect();
-    order.sort_by(|&a, &b| lengths[a].total_cmp(&lengths[b]));
-    // Up to where it has gone as many radii as the way there is deep.
-    let (mut deepest, mut reach) = (0.0f64, 0.0);
-    for &cell in &order {
-        deepest = deepest.max(cells.depths[cell]);
-        reach = f64::from(lengths[cell]);
-        if reach >= DRAIN_RADII * deepest.max(cells.edge) {
-            break;
-        }
-    }
-    let drain: Vec<bool> = lengths.iter().map(|length| f64::from(*length) <= reach).collect();
-    Drain::into(cells, &drain, reach, cancel)
-}
-
 /// An end of a tube.
 #[derive(Clone, Copy, Debug)]
 pub enum End {
@@ -123,18 +102,25 @@ pub enum End {
     Tip(Point3<f64>, f64),
     /// Open to another tube from this value of f on.
     Open(f64),
+    /// Open to the other end of the same tube, where f has this value.
+    Joined(f64),
 }
 
 impl End {
     fn value(self) -> f64 {
         match self {
-            Self::Tip(_, value) | Self::Open(value) => value,
+            Self::Tip(_, value) | Self::Open(value) | Self::Joined(value) => value,
         }
     }
 
     /// Whether it is open.
     pub fn is_open(self) -> bool {
-        matches!(self, Self::Open(_))
+        matches!(self, Self::Open(_) | Self::Joined(_))
+    }
+
+    /// Whether the other end of the tube lies there too.
+    pub fn is_joined(self) -> bool {
+        matches!(self, Self::Joined(_))
     }
 }
 
@@ -190,14 +176,20 @@ impl Line {
     ) -> Option<Self> {
         let (mut points, mut all, mut deepest) = (middles.to_vec(), values, inner);
         let last_middle = points.len().checked_sub(1)?;
+        let between = (points[0] + points[last_middle]) / 2.0;
         for (end, place) in ends.into_iter().zip([0, last_middle]) {
             match end {
                 End::Open(value) => all[place] = value,
-                End::Tip(tip, value) => {
+                End::Tip(..) | End::Joined(_) => {
+                    let beside = if place == 0 { deepest[0] } else { deepest[deepest.len() - 1] };
+                    let (point, inner) = match end {
+                        End::Tip(tip, _) => (tip.coords, (0.0, tip)),
+                        _ => (between, beside),
+                    };
                     let at = if place == 0 { 0 } else { points.len() };
-                    points.insert(at, tip.coords);
-                    all.insert(at, value);
-                    deepest.insert(at, (0.0, tip));
+                    points.insert(at, point);
+                    all.insert(at, end.value());
+                    deepest.insert(at, inner);
                 }
             }
         }
@@ -240,6 +232,13 @@ impl Line {
     fn clamped(&self, length: f64) -> (usize, f64) {
         let (piece, share) = self.line.place(length.clamp(0.0, self.length()));
         (piece, share.clamp(0.0, 1.0))
+    }
+
+    /// The inscribed radius along the middle half of it, the median.
+    pub fn median_radius(&self, depth: &Depth) -> f64 {
+        const PLACES: usize = 64;
+        let at = |n: usize| depth.at(self.at(self.length() * (n as f64 + 0.5) / PLACES as f64));
+        median((PLACES / 4..3 * PLACES / 4).map(at).collect()).unwrap_or(1.0).max(0.5)
     }
 
     /// Its ends.

@@ -39,16 +39,16 @@ pub struct Mended {
 /// When it is cancelled.
 pub fn mended(solid: &Solid, nodes: &mut TubeNodes, cancel: &dyn Cancel) -> Result<Mended, Cancelled> {
     let before = nodes.clone();
-    let folds_before = legality(nodes).folds;
-    let (mut tried, mut least) = (nodes.clone(), folds_before);
+    let (mut tried, mut found) = (nodes.clone(), legality(nodes));
+    let folds_before = found.folds;
+    let mut least = folds_before;
     for round in 0..ROUNDS {
         cancel.check()?;
-        let legality = legality(&tried);
-        if legality.folds == 0 {
+        if found.folds == 0 {
             break;
         }
         let mut is_bad = vec![false; tried.wall.len()];
-        for wedge in &legality.wedges {
+        for wedge in &found.wedges {
             for (row, col) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
                 let col = (wedge.col + col).min(tried.size.cols - 1);
                 is_bad[tried.node(wedge.row + row, col)] = true;
@@ -59,9 +59,12 @@ pub fn mended(solid: &Solid, nodes: &mut TubeNodes, cancel: &dyn Cancel) -> Resu
         }
         move_centres(solid, &mut tried, &is_bad);
         move_wall(solid, &mut tried, &is_bad, round < ROUNDS / 2);
-        let folds = super::legality::legality(&tried).folds;
-        if folds < least {
-            least = folds;
+        if tried.is_ring() {
+            tried.share_ends();
+        }
+        found = legality(&tried);
+        if found.folds < least {
+            least = found.folds;
             *nodes = tried.clone();
         }
     }

@@ -4,6 +4,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::cells::Cells;
 use super::drain::Drain;
+use super::ring::Cut;
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::parallel::each;
 use crate::numerics::polyline::Polyline;
@@ -22,6 +23,8 @@ pub struct Skin {
     values: Vec<f64>,
     /// The branch of the cell nearest to each corner.
     branches: Vec<usize>,
+    /// The corners on either bank of the cut that opened it.
+    banks: [Vec<usize>; 2],
 }
 
 /// The curves of a cross-section, the longest first.
@@ -38,14 +41,15 @@ impl Section {
 }
 
 impl Skin {
-    /// With the values of a tube's function.
+    /// With the values of a tube's function, opened where the cells are.
     ///
     /// # Errors
     /// When it is cancelled.
-    pub fn of(mesh: Mesh, drain: &Drain<'_>, cancel: &dyn Cancel) -> Result<Self, Cancelled> {
+    pub fn of(mut mesh: Mesh, drain: &Drain<'_>, cancel: &dyn Cancel) -> Result<Self, Cancelled> {
+        let banks = drain.cells.cut().map_or_else(Default::default, |cut| opened(&mut mesh, cut));
         let values = each(&mesh.positions, 256, |p| drain.at(*p).unwrap_or(f64::NAN), cancel)?;
         let branches = vec![0; values.len()];
-        let mut skin = Self { mesh, values, branches };
+        let mut skin = Self { mesh, values, branches, banks };
         skin.close_gaps();
         for _ in 0..SMOOTH_ROUNDS {
             cancel.check()?;
@@ -106,6 +110,12 @@ impl Skin {
             }
         }
         (sums, counts)
+    }
+
+    /// The values between which sections reach neither bank of the cut.
+    pub fn bank_values(&self) -> [f64; 2] {
+        let values = |bank: usize| self.banks[bank].iter().map(|&n| self.values[n]);
+        [values(0).fold(f64::NEG_INFINITY, f64::max), values(1).fold(f64::INFINITY, f64::min)]
     }
 
     /// The corners of a branch with the least and the largest value, and these; `None` of a branch without skin.
@@ -190,15 +200,22 @@ impl Skin {
     }
 }
 
+/// Takes the triangles that a cut passes through out of a mesh; their corners, on either bank.
+fn opened(mesh: &mut Mesh, cut: &Cut) -> [Vec<usize>; 2] {
+    let mut banks = [Vec::new(), Vec::new()];
+    let positions = &mesh.positions;
+    mesh.triangles.retain(|triangle| {
+        let corners = triangle.map(|n| positions[n as usize]);
+        let is_cut = (0..3).any(|k| cut.parts(corners[k], corners[(k + 1) % 3]));
+        if is_cut {
+            for (n, corner) in triangle.iter().zip(corners) {
+                banks[cut.bank(corner)].push(*n as usize);
+            }
+        }
+        !is_cut
+    });
+    banks
+}
+
 /// An edge of the mesh by its corners, the lower number first.
 type Edge = [usize; 2];
-
-/// Twice the vector area of a closed curve.
-pub fn doubled_area(curve: &[Vector3<f64>]) -> Vector3<f64> {
-    let mut sum = Vector3::zeros();
-    let Some(first) = curve.first() else { return sum };
-    for pair in curve.windows(2) {
-        sum += (pair[0] - first).cross(&(pair[1] - first));
-    }
-    sum
-}

@@ -9,10 +9,10 @@
 use nalgebra::{Point3, Unit, Vector3};
 
 use super::line::{End, Line};
-use super::sections::{Section, Skin, doubled_area};
+use super::sections::{Section, Skin};
 use crate::cancel::{Cancel, Cancelled};
-use crate::model::LatticeSize;
-use crate::numerics::polyline::Polyline;
+use crate::model::{LatticeSize, TubeShell};
+use crate::numerics::polyline::{Polyline, vector_area};
 use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::depth::Depth;
 
@@ -30,6 +30,8 @@ const STEPS: [f64; 6] = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0];
 const OPEN: f64 = 0.8;
 /// Share of the way to the skin that it takes at the most.
 const SHORT_OF_SKIN: f64 = 0.8;
+/// The way over which the direction of the line is taken, median radii.
+const WAY: f64 = 0.5;
 /// Nodes of a cap that are left out at its pole, steps: the pole has a node of its own.
 const POLE: f64 = 0.6;
 
@@ -59,6 +61,22 @@ impl TubeNodes {
     /// A wall node; rows go on from the first after the last.
     pub fn wall_at(&self, row: usize, col: usize) -> Point3<f64> {
         self.wall[self.node(row, col)]
+    }
+
+    /// Whether the last column is the first again: nodes and centre are shared, and so are the tips, which close nothing.
+    pub fn is_ring(&self) -> bool {
+        TubeShell::from(self).is_ring()
+    }
+
+    /// Gives the last column of a ring the nodes and the centre of the first.
+    pub fn share_ends(&mut self) {
+        let last = self.size.cols - 1;
+        self.centres[last] = self.centres[0];
+        self.tips = [self.centres[0]; 2];
+        for row in 0..self.size.rows {
+            let (first, last) = (self.node(row, 0), self.node(row, last));
+            self.wall[last] = self.wall[first];
+        }
     }
 
     /// The wall nodes of a column.
@@ -97,8 +115,8 @@ pub struct Laying<'a> {
     pub branch: usize,
     /// Where on it the end centres lie.
     pub ends: [f64; 2],
-    /// The way over which its direction is taken.
-    pub way: f64,
+    /// The inscribed radius along its middle, the median.
+    pub radius: f64,
 }
 
 impl Laying<'_> {
@@ -107,7 +125,8 @@ impl Laying<'_> {
     /// # Errors
     /// When it is cancelled.
     pub fn nodes(&self, size: LatticeSize, cancel: &dyn Cancel) -> Result<Option<(TubeNodes, usize)>, Cancelled> {
-        let is_open = self.line.kinds_of_ends().map(End::is_open);
+        let kinds = self.line.kinds_of_ends();
+        let (is_open, is_joined) = (kinds.map(End::is_open), kinds[0].is_joined());
         let [first, between, last] = shared_columns(size.cols, self.ends, self.line.length(), is_open);
         let mut stations = Vec::with_capacity(between);
         for n in 0..between {
@@ -119,13 +138,19 @@ impl Laying<'_> {
             cancel.check()?;
             let section = self.skin.section(self.branch, self.line.value(station));
             several += usize::from(section.is_split());
-            let Some(ring) = Ring::of(section, self.line.at(station), self.line.direction(station, self.way)) else {
+            let Some(ring) = Ring::of(section, self.line.at(station), self.line.direction(station, WAY * self.radius))
+            else {
                 return Ok(None);
             };
             rings.push(ring);
         }
         self.centre(&mut rings, &stations);
-        let columns = self.sampled(&rings, size.rows);
+        let mut starts = self.starts(&rings, size.rows);
+        if is_joined {
+            join(&mut rings, &mut starts, size.rows);
+        }
+        let columns: Vec<Vec<Point3<f64>>> =
+            rings.iter().zip(&starts).map(|(ring, start)| ring.nodes(*start, size.rows)).collect();
         let centres: Vec<Point3<f64>> = rings.iter().map(|ring| ring.centre).collect();
         let head = self.cap(centres[0], &columns[0], -1.0, first);
         let tail = self.cap(centres[between - 1], &columns[between - 1], 1.0, last);
@@ -134,7 +159,7 @@ impl Laying<'_> {
         all.extend(columns);
         all.extend(tail.0);
         let centre = |col: usize| centres[col.saturating_sub(first).min(between - 1)];
-        let nodes = TubeNodes {
+        let mut nodes = TubeNodes {
             size,
             centres: (0..size.cols).map(centre).collect(),
             wall: (0..size.rows * size.cols).map(|n| all[n % size.cols][n / size.cols]).collect(),
@@ -142,6 +167,14 @@ impl Laying<'_> {
             caps: [first, last],
             stations,
         };
+        if is_joined {
+            let last = size.cols - 1;
+            for row in 0..size.rows {
+                let first = nodes.node(row, 0);
+                nodes.wall[first] = nalgebra::center(&nodes.wall[first], &nodes.wall_at(row, last));
+            }
+            nodes.share_ends();
+        }
         Ok(Some((nodes, several)))
     }
 
@@ -173,23 +206,24 @@ impl Laying<'_> {
         best
     }
 
-    /// The nodes of all rings, from seams that face each other.
-    fn sampled(&self, rings: &[Ring], rows: usize) -> Vec<Vec<Point3<f64>>> {
+    /// Where row 0 lies on the curves of all rings, so that their nodes face each other: lengths round them.
+    fn starts(&self, rings: &[Ring], rows: usize) -> Vec<f64> {
         let middle = rings.len() / 2;
         let seam = self.world_seam(rings[middle].direction);
-        let mut columns = vec![Vec::new(); rings.len()];
-        columns[middle] = rings[middle].nodes(rings[middle].facing(seam), rows);
+        let mut starts = vec![rings[middle].facing(seam); rings.len()];
         let forward: Vec<usize> = (middle + 1..rings.len()).collect();
         let backward: Vec<usize> = (0..middle).rev().collect();
         for way in [forward, backward] {
             let (mut before, mut seam) = (middle, seam);
             for here in way {
                 seam = carried(seam, rings[before].direction, rings[here].direction);
-                columns[here] = rings[here].slid(seam, &columns[before], rings[before].centre);
+                let beside = rings[before].nodes(starts[before], rows);
+                let slide = SLIDE * rings[here].curve.length() / rows as f64;
+                starts[here] = rings[here].slid((rings[here].facing(seam), slide), &beside, rings[before].centre);
                 before = here;
             }
         }
-        columns
+        starts
     }
 
     /// The direction that row 0 faces where a tube runs so: the most superior across it, of one that runs up or down the
@@ -213,7 +247,7 @@ impl Laying<'_> {
     ) -> (Vec<Vec<Point3<f64>>>, Point3<f64>) {
         let mut offsets: Vec<Vector3<f64>> = ring.iter().map(|p| p - centre).collect();
         offsets.push(offsets[0]);
-        let pole = doubled_area(&offsets).try_normalize(1e-12).unwrap_or_else(Vector3::z) * sense;
+        let pole = vector_area(&offsets).try_normalize(1e-12).unwrap_or_else(Vector3::z) * sense;
         let mut cap = vec![Vec::with_capacity(ring.len()); columns];
         for p in ring {
             let out = (p - centre).try_normalize(1e-12).unwrap_or_else(Vector3::x);
@@ -221,10 +255,10 @@ impl Laying<'_> {
             let side = (out - pole * out.dot(&pole)).try_normalize(1e-9).unwrap_or_else(Vector3::x);
             for (n, column) in cap.iter_mut().enumerate() {
                 let left = turn * (1.0 - (n + 1) as f64 / (columns as f64 + POLE));
-                column.push(self.at_skin(centre, pole * left.cos() + side * left.sin()));
+                column.push(at_skin(self.solid, centre, pole * left.cos() + side * left.sin()));
             }
         }
-        let skin = self.at_skin(centre, pole);
+        let skin = at_skin(self.solid, centre, pole);
         (cap, if columns == 0 { self.open_tip(ring, centre, skin) } else { skin })
     }
 
@@ -233,11 +267,6 @@ impl Laying<'_> {
         let radius = ring.iter().map(|wall| (wall - centre).norm()).sum::<f64>() / ring.len().max(1) as f64;
         let most = (skin - centre).norm();
         centre + (skin - centre) * (OPEN * radius / most.max(1e-9)).min(SHORT_OF_SKIN)
-    }
-
-    /// Where a ray from a place leaves the solid.
-    pub fn at_skin(&self, from: Point3<f64>, direction: Vector3<f64>) -> Point3<f64> {
-        at_skin(self.solid, from, direction)
     }
 }
 
@@ -266,7 +295,7 @@ impl Ring {
     /// The longest curve of a section round a centre; `None` without one.
     fn of(section: Section, centre: Point3<f64>, direction: Vector3<f64>) -> Option<Self> {
         let curve = section.curves.into_iter().next()?;
-        let is_turned = doubled_area(curve.points()).dot(&direction) < 0.0;
+        let is_turned = vector_area(curve.points()).dot(&direction) < 0.0;
         let curve = if is_turned { Polyline::open(curve.points().iter().rev().copied().collect()) } else { curve };
         Some(Self { centre, direction, curve })
     }
@@ -274,7 +303,7 @@ impl Ring {
     /// The middle of the area that the curve encloses, seen along its normal.
     fn middle(&self) -> Point3<f64> {
         let points = self.curve.points();
-        let normal = doubled_area(points).try_normalize(1e-12).unwrap_or(self.direction);
+        let normal = vector_area(points).try_normalize(1e-12).unwrap_or(self.direction);
         let (mut sum, mut total) = (Vector3::zeros(), 0.0);
         for pair in points.windows(2) {
             let [a, b] = [pair[0] - self.centre.coords, pair[1] - self.centre.coords];
@@ -312,20 +341,36 @@ impl Ring {
         (0..rows).map(|row| Point3::from(self.curve.point(self.curve.place(place(row))))).collect()
     }
 
-    /// Nodes from a seam on, slid to where they lie most as those of the ring before do.
-    fn slid(&self, seam: Vector3<f64>, before: &[Point3<f64>], centre: Point3<f64>) -> Vec<Point3<f64>> {
-        let (start, step) = (self.facing(seam), self.curve.length() / before.len() as f64);
-        let mut best: Option<(f64, Vec<Point3<f64>>)> = None;
+    /// The length, at most `most` away from another, from which nodes lie most as those of a ring round a centre do.
+    fn slid(&self, (start, most): (f64, f64), nodes: &[Point3<f64>], centre: Point3<f64>) -> f64 {
+        let mut best = (f64::INFINITY, start);
         for n in 0..SLIDES {
-            let slide = SLIDE * (2.0 * n as f64 / (SLIDES - 1) as f64 - 1.0);
-            let nodes = self.nodes(start + slide * step, before.len());
+            let tried = start + most * (2.0 * n as f64 / (SLIDES - 1) as f64 - 1.0);
             let offset =
                 |(here, there): (&Point3<f64>, &Point3<f64>)| ((here - self.centre) - (there - centre)).norm_squared();
-            let apart: f64 = nodes.iter().zip(before).map(offset).sum();
-            if best.as_ref().is_none_or(|best| apart < best.0) {
-                best = Some((apart, nodes));
+            let apart: f64 = self.nodes(tried, nodes.len()).iter().zip(nodes).map(offset).sum();
+            if apart < best.0 {
+                best = (apart, tried);
             }
         }
-        best.map(|(_, nodes)| nodes).unwrap_or_default()
+        best.1
     }
+}
+
+/// Makes the last section of a ring meet its first one: they share a centre, and what a seam that is carried round has
+/// turned by then is spread over all sections.
+fn join(rings: &mut [Ring], starts: &mut [f64], rows: usize) {
+    let last = rings.len() - 1;
+    let shared = nalgebra::center(&rings[0].centre, &rings[last].centre);
+    let (first, whole) = (rings[0].nodes(starts[0], rows), rings[last].curve.length());
+    // All round, and then between the places tried.
+    let near = rings[last].slid((starts[last], whole / 2.0), &first, rings[0].centre);
+    let turned = rings[last].slid((near, whole / SLIDES as f64), &first, rings[0].centre) - starts[last];
+    let middle = rings.len() / 2;
+    for (n, start) in starts.iter_mut().enumerate() {
+        let share = (n as f64 - middle as f64) / last.max(1) as f64;
+        *start += turned / whole * share * rings[n].curve.length();
+    }
+    rings[0].centre = shared;
+    rings[last].centre = shared;
 }

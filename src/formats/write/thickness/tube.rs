@@ -220,7 +220,7 @@ impl From<TubeSummary> for TubeSummaryDoc {
             diameter_mm: summary.radius_mm.map(|radius| radius.scaled(2.0)).into(),
             section_area_mm2: summary.section_area_mm2.into(),
             curvature_per_mm: summary.curvature_per_mm.into(),
-            tortuosity: Rounded(summary.tortuosity),
+            tortuosity: Rounded(summary.tortuosity.unwrap_or(f64::NAN)),
         }
     }
 }
