@@ -48,6 +48,31 @@ pub fn within_steps(adjacency: &[Vec<u32>], start: u32, steps: usize) -> Vec<u32
     reached
 }
 
+/// Whether any node within `steps` of a start, itself included, is of a kind. It looks no further than to the first.
+#[must_use]
+pub fn any_within_steps(adjacency: &[Vec<u32>], start: u32, steps: usize, is_of_kind: impl Fn(u32) -> bool) -> bool {
+    if is_of_kind(start) {
+        return true;
+    }
+    let mut reached = vec![start];
+    let mut layer = 0;
+    for _ in 0..steps {
+        let end = reached.len();
+        for at in layer..end {
+            for &to in &adjacency[reached[at] as usize] {
+                if !reached.contains(&to) {
+                    if is_of_kind(to) {
+                        return true;
+                    }
+                    reached.push(to);
+                }
+            }
+        }
+        layer = end;
+    }
+    false
+}
+
 /// The connected pieces of the nodes of a kind, by their first nodes; each is in the order in which a search from
 /// its first node finds it.
 ///
@@ -94,5 +119,7 @@ mod tests {
     fn steps_are_counted_along_the_graph() {
         assert_eq!(within_steps(&ring_and_pair(), 2, 1), [2, 1, 3]);
         assert_eq!(within_steps(&ring_and_pair(), 6, 9), [6, 7]);
+        let is_any = |start, steps| any_within_steps(&ring_and_pair(), start, steps, |node| node == 3);
+        assert_eq!([is_any(2, 0), is_any(2, 1), is_any(3, 0), is_any(6, 9)], [false, true, true, false]);
     }
 }

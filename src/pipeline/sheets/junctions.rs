@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::{Hinge, NO_SHEET};
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::field::id;
-use crate::numerics::flood::{pieces, within_steps};
+use crate::numerics::flood::{any_within_steps, pieces};
 use crate::pipeline::medial::MedialSurface;
 use crate::pipeline::surface::picked;
 
@@ -35,12 +35,8 @@ pub(super) fn contacts(
 
 /// Whether a sheet other than two lies within a few steps along the surface.
 pub(super) fn is_third_near(surface: &MedialSurface, label: &[u32], (a, b): (u32, u32), start: u32) -> bool {
-    for p in within_steps(&surface.adjacency, start, NEAR_STEPS) {
-        if ![a, b, NO_SHEET].contains(&label[p as usize]) {
-            return true;
-        }
-    }
-    false
+    let is_third = |p: u32| ![a, b, NO_SHEET].contains(&label[p as usize]);
+    any_within_steps(&surface.adjacency, start, NEAR_STEPS, is_third)
 }
 
 /// Connected sets of touching points with the sheets that touch there.

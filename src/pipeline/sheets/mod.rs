@@ -98,9 +98,15 @@ pub fn sheets(
     join_across_pairs(surface, &mut label, context)?;
     context.advance(0.5);
     let mut pruned = 0;
-    while let Some(weak) = weakest(surface, depth, &label, needed, context)? {
-        rename(&mut label, weak, NO_SHEET);
-        pruned += 1;
+    loop {
+        let weak = weakest(surface, depth, &label, needed, context)?;
+        if weak.is_empty() {
+            break;
+        }
+        pruned += weak.len();
+        for sheet in weak {
+            rename(&mut label, sheet, NO_SHEET);
+        }
         join_across_pairs(surface, &mut label, context)?;
     }
     context.advance(0.9);

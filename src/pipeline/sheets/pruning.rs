@@ -13,6 +13,10 @@ use crate::pipeline::solid::depth::Depth;
 /// and edges stay; above it, small branches that are part of a shape go.
 const AUTO_LOSS: f64 = 0.03;
 
+/// Sheets above which they are pruned a quarter at a time: what is lost is looked at anew for all of them after each. Organs
+/// have up to a dozen; a mask of noise has hundreds.
+const MANY: usize = 32;
+
 /// What a sheet needs to be kept.
 #[derive(Clone, Copy)]
 pub(super) struct Needed {
@@ -41,27 +45,31 @@ pub fn strength(prune: Prune) -> f64 {
     }
 }
 
-/// The sheet to prune next: the one whose loss is the smallest, if that is less than is needed or
-/// there are too many. `None` when all have evidence, or one is left.
+/// The sheets to prune next: the one whose loss is the smallest, of many a quarter, as far as that is less than is needed or
+/// there are too many. None when all have evidence, or one is left.
 pub(super) fn weakest(
     surface: &MedialSurface,
     depth: &Depth,
     label: &[u32],
     needed: Needed,
     cancel: &dyn Cancel,
-) -> Result<Option<u32>, Cancelled> {
+) -> Result<Vec<u32>, Cancelled> {
     let count = sizes(label).len();
     if count < 2 {
-        return Ok(None);
+        return Ok(Vec::new());
     }
-    let (mut weakest, mut least) = (None, f64::INFINITY);
-    for (sheet, loss) in losses(surface, depth, label, cancel)? {
-        // Of equals the last, which came last.
-        if loss <= least {
-            (weakest, least) = (Some(sheet), loss);
+    let mut by_loss: Vec<(u32, f64)> = losses(surface, depth, label, cancel)?.into_iter().collect();
+    // Of equals the last, which came last.
+    by_loss.sort_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
+    by_loss.truncate(if count > MANY { count / 4 } else { 1 });
+    let excess = count.saturating_sub(needed.most);
+    let mut weak = Vec::new();
+    for (n, (sheet, loss)) in by_loss.into_iter().enumerate() {
+        if n < excess || loss < needed.loss {
+            weak.push(sheet);
         }
     }
-    Ok(if count > needed.most || least < needed.loss { weakest } else { None })
+    Ok(weak)
 }
 
 /// For each sheet, the share of the object's volume that sticks out of the balls of all other
