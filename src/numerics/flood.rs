@@ -31,46 +31,39 @@ pub fn flood(
 /// The nodes within `steps` of a start, itself first, in the order of their steps.
 #[must_use]
 pub fn within_steps(adjacency: &[Vec<u32>], start: u32, steps: usize) -> Vec<u32> {
+    stepped(adjacency, start, steps, |_| false).0
+}
+
+/// Whether any node within `steps` of a start, itself included, is of a kind. It looks no further than to the first.
+#[must_use]
+pub fn any_within_steps(adjacency: &[Vec<u32>], start: u32, steps: usize, is_of_kind: impl Fn(u32) -> bool) -> bool {
+    stepped(adjacency, start, steps, is_of_kind).1
+}
+
+/// The nodes within `steps` of a start up to the first that is of a kind, and whether there is one.
+fn stepped(adjacency: &[Vec<u32>], start: u32, steps: usize, is_last: impl Fn(u32) -> bool) -> (Vec<u32>, bool) {
     let mut reached = vec![start];
+    if is_last(start) {
+        return (reached, true);
+    }
     let mut layer = 0;
     for _ in 0..steps {
         let end = reached.len();
         for at in layer..end {
             for &to in &adjacency[reached[at] as usize] {
                 // A few steps reach a few dozen nodes: a search is faster than a table of all.
-                if !reached.contains(&to) {
-                    reached.push(to);
+                if reached.contains(&to) {
+                    continue;
+                }
+                reached.push(to);
+                if is_last(to) {
+                    return (reached, true);
                 }
             }
         }
         layer = end;
     }
-    reached
-}
-
-/// Whether any node within `steps` of a start, itself included, is of a kind. It looks no further than to the first.
-#[must_use]
-pub fn any_within_steps(adjacency: &[Vec<u32>], start: u32, steps: usize, is_of_kind: impl Fn(u32) -> bool) -> bool {
-    if is_of_kind(start) {
-        return true;
-    }
-    let mut reached = vec![start];
-    let mut layer = 0;
-    for _ in 0..steps {
-        let end = reached.len();
-        for at in layer..end {
-            for &to in &adjacency[reached[at] as usize] {
-                if !reached.contains(&to) {
-                    if is_of_kind(to) {
-                        return true;
-                    }
-                    reached.push(to);
-                }
-            }
-        }
-        layer = end;
-    }
-    false
+    (reached, false)
 }
 
 /// The connected pieces of the nodes of a kind, by their first nodes; each is in the order in which a search from

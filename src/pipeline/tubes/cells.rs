@@ -1,12 +1,13 @@
 //! A solid as cells that hold shares of it, for what is solved for all over it.
 
-use nalgebra::Point3;
+use nalgebra::{Matrix3, Point3};
 
 use super::ring::Cut;
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::components::{Connectivity, components};
 use crate::numerics::field::{floor_index, id};
 use crate::numerics::graph::Graph;
+use crate::numerics::moments::{Axes3, mean};
 use crate::numerics::parallel::each_number;
 use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::depth::Depth;
@@ -24,6 +25,7 @@ const NEAREST_REACH: usize = 3;
 const NONE: u32 = u32::MAX;
 
 /// Cells in a grid over a solid: those that have enough of it, in one piece by their faces.
+#[derive(Clone)]
 pub struct Cells {
     /// Share of each that is inside.
     pub shares: Vec<f64>,
@@ -89,8 +91,19 @@ impl Cells {
 
     /// The same, opened by a cut.
     #[must_use]
-    pub fn opened(self, cut: Cut) -> Self {
-        Self { cut: Some(cut), ..self }
+    pub fn opened(&self, cut: Cut) -> Self {
+        Self { cut: Some(cut), ..self.clone() }
+    }
+
+    /// Their middle, and the axes of their second moments about it.
+    pub fn axes(&self) -> (Point3<f64>, Axes3) {
+        let middle = mean(&self.places);
+        let mut moments = Matrix3::zeros();
+        for place in &self.places {
+            let offset = place.coords - middle;
+            moments += offset * offset.transpose() / self.len().max(1) as f64;
+        }
+        (Point3::from(middle), Axes3::of(moments))
     }
 
     /// Where it is cut open.

@@ -7,7 +7,6 @@ use super::drain::Drain;
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::field::floor_index;
 use crate::numerics::graph::Graph;
-use crate::numerics::moments::Axes3;
 use crate::numerics::polyline::Polyline;
 use crate::numerics::stats::median;
 use crate::pipeline::solid::Solid;
@@ -73,14 +72,7 @@ impl Tips {
 
 /// Longest over the next extent of the cells, root moments.
 fn elongation(cells: &Cells) -> f64 {
-    let count = cells.len().max(1) as f64;
-    let mean = cells.places.iter().map(|p| p.coords).sum::<Vector3<f64>>() / count;
-    let mut moments = nalgebra::Matrix3::zeros();
-    for place in &cells.places {
-        let offset = place.coords - mean;
-        moments += offset * offset.transpose() / count;
-    }
-    let axes = Axes3::of(moments);
+    let (_, axes) = cells.axes();
     (axes.values[0] / axes.values[1].max(1e-12)).max(0.0).sqrt()
 }
 

@@ -94,16 +94,16 @@ pub fn tubes(solid: &Solid, context: &Context<'_>) -> Result<Option<Tubes>, Canc
     let tips = Tips::of(&cells, &graph, solid, context)?;
     let lengths = graph.geodesics(tips.cells[0], context)?;
     context.advance(0.2);
-    let drain = Drain::at_tip(&cells, &lengths, context)?;
     let branches = branches(&cells, &lengths, context)?;
     if is_ring(&branches)
-        && let Some(tubes) = ring(solid, depth, Cells::of(solid, depth, context)?, context)?
+        && let Some(tubes) = ring(solid, depth, &cells, context)?
     {
         return Ok(Some(tubes));
     }
     if branches.len() > MOST_BRANCHES {
         return Ok(None);
     }
+    let drain = Drain::at_tip(&cells, &lengths, context)?;
     context.advance(0.5);
     let skin = Skin::of(solid.skin_mesh(depth.voxels_per_unit, context)?, &drain, context)?;
     let mut tree = Tree { solid, depth, cells: &cells, drain: &drain, skin, branches, branch_of: Vec::new() };

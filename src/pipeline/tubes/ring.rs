@@ -5,7 +5,7 @@
 //! 3. a harmonic function grows from one bank of the cut to the other: its level sets go on through the cut, so the nodes
 //!    of both banks are the same.
 
-use nalgebra::{Matrix3, Point3, Vector3};
+use nalgebra::{Point3, Vector3};
 
 use super::Tubes;
 use super::cells::Cells;
@@ -14,10 +14,9 @@ use super::drain::Drain;
 use super::line::{End, Line};
 use super::sections::Skin;
 use super::tree::Branch;
-use super::wall::Laying;
+use super::wall::{Laying, superior_across};
 use super::{Fork, SPLIT};
 use crate::cancel::Cancelled;
-use crate::numerics::moments::Axes3;
 use crate::pipeline::context::Context;
 use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::depth::Depth;
@@ -41,26 +40,13 @@ pub struct Cut {
 
 impl Cut {
     /// Across a ring of cells, on the side of the middle that is most superior, of a ring that lies level the most anterior.
-    fn of(cells: &Cells, solid: &Solid) -> Option<Self> {
-        let count = cells.len().max(1) as f64;
-        let middle = cells.places.iter().map(|p| p.coords).sum::<Vector3<f64>>() / count;
-        let mut moments = Matrix3::zeros();
-        for place in &cells.places {
-            let offset = place.coords - middle;
-            moments += offset * offset.transpose() / count;
-        }
-        let normal: Vector3<f64> = Axes3::of(moments).directions[2];
+    fn of(cells: &Cells, solid: &Solid) -> Self {
+        let (middle, axes) = cells.axes();
+        let [.., normal] = axes.directions;
         let sign = solid.senses.of_direction(solid.world_from_work.vector(normal).normalize()).sign;
         let normal = if sign < 0.0 { -normal } else { normal };
-        let matrix = solid.world_from_work.matrix();
-        let in_plane = |row: usize| {
-            let axis = matrix.fixed_view::<1, 3>(row, 0).transpose().normalize();
-            axis - normal * axis.dot(&normal)
-        };
-        let up = in_plane(2);
-        let outward = if up.norm() > 0.5 { up } else { in_plane(1) };
-        let outward = outward.try_normalize(1e-9)?;
-        Some(Self { through: Point3::from(middle), outward, across: normal.cross(&outward) })
+        let outward = superior_across(solid, normal);
+        Self { through: middle, outward, across: normal.cross(&outward) }
     }
 
     /// Whether it lies between two places near each other.
@@ -90,8 +76,8 @@ pub fn is_ring(branches: &[Branch]) -> bool {
 ///
 /// # Errors
 /// When it is cancelled.
-pub fn ring(solid: &Solid, depth: &Depth, cells: Cells, context: &Context<'_>) -> Result<Option<Tubes>, Cancelled> {
-    let Some(cut) = Cut::of(&cells, solid) else { return Ok(None) };
+pub fn ring(solid: &Solid, depth: &Depth, cells: &Cells, context: &Context<'_>) -> Result<Option<Tubes>, Cancelled> {
+    let cut = Cut::of(cells, solid);
     let banks = cells.banks(&cut);
     let deepest = cells.depths[cells.deepest()];
     let cells = cells.opened(cut);
