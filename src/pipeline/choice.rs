@@ -9,9 +9,9 @@ use super::PipelineError;
 use super::context::Context;
 use super::draft::AnyDraft;
 use super::medial::MedialSurface;
-use super::quality::overlap::overlap_with_part;
 use super::solid::Solid;
 use super::solid::depth::Depth;
+use super::soundness::Soundness;
 use super::stages::{Figures, sheet_figures};
 use super::tubes::{TubeDraft, Tubes, tubes};
 use crate::cancel::Cancelled;
@@ -37,12 +37,22 @@ const LONGISH: f64 = 2.0;
 /// Flatness of the sections up to which the branches of what has holes are those of a ring of tubes. Those of a round ring have
 /// 1.0 to 1.2, of a flat one, which is a sheet with a hole, 1.5 to 1.7.
 const ROUND_BRANCH: f64 = 1.35;
-/// Overlap with the solid's mask from which sheets are sound, and share of their nodes that may be spoilt.
-const SOUND_OVERLAP: f64 = 0.87;
-/// See [`SOUND_OVERLAP`]: with more the verdict is `fail`.
-const SOUND_SPOILT: f64 = 0.05;
 
-/// The figures of a part.
+/// The figures of a solid.
+pub(super) struct Chosen {
+    /// Those that stand best for it.
+    pub figures: Figures,
+    /// The tubes that were not taken, where there are.
+    pub tubes: Option<Tubes>,
+}
+
+impl From<Figures> for Chosen {
+    fn from(figures: Figures) -> Self {
+        Self { figures, tubes: None }
+    }
+}
+
+/// The figures of a solid.
 ///
 /// # Errors
 /// When it has neither sheets nor is a tube; when it is cancelled.
@@ -51,14 +61,14 @@ pub(super) fn figures(
     depth: &Depth,
     surface: &MedialSurface,
     context: &Context<'_>,
-) -> Result<Figures, PipelineError> {
+) -> Result<Chosen, PipelineError> {
     let kinds = context.params.kinds;
     if !kinds.may_be_tubes() {
-        return sheet_figures(solid, depth, surface, context);
+        return sheet_figures(solid, depth, surface, context).map(Chosen::from);
     }
     if !kinds.may_be_sheets() {
         let tubes = as_tubes(solid, context)?.ok_or(Refusal::NoTube)?;
-        return Ok(Figures::Tubes(tubes));
+        return Ok(Figures::Tubes(tubes).into());
     }
     let attempt = context.apart();
     let outcome = sheet_figures(solid, depth, surface, &attempt);
@@ -69,28 +79,28 @@ pub(super) fn figures(
             let tubes = as_tubes(solid, &other)?.filter(|tubes| stand_for(tubes, &refusal));
             context.take_in(attempt.into_notes().without_warnings(), None);
             context.take_in(other.into_notes(), None);
-            return tubes.map(Figures::Tubes).ok_or_else(|| refusal.into());
+            return tubes.map(|tubes| Figures::Tubes(tubes).into()).ok_or_else(|| refusal.into());
         }
         Err(stop) => return Err(stop),
     };
     // The paper's own pairing and its own lattice are there to be looked at as they are.
     let params = context.params;
     let is_paper = params.correspondence == Correspondence::Paper || params.lattice == LatticeKind::Regular;
-    if is_paper || (sheets.is_sound && !sheets.may_be_of_tube()) {
+    if is_paper || (sheets.soundness.is_sound() && !sheets.may_be_of_tube()) {
         context.take_in(attempt.into_notes(), None);
-        return Ok(sheets.figures);
+        return Ok(sheets.figures.into());
     }
     let other = context.apart();
     match as_tubes(solid, &other)? {
         Some(tubes) if sheets.yield_to(&tubes, solid, context)? => {
             context.take_in(attempt.into_notes().without_warnings(), None);
             context.take_in(other.into_notes(), None);
-            Ok(Figures::Tubes(sheets.told_by(tubes)))
+            Ok(Figures::Tubes(sheets.told_by(tubes)).into())
         }
-        _ => {
+        tubes => {
             context.take_in(attempt.into_notes(), None);
             context.take_in(other.into_notes().without_warnings(), None);
-            Ok(sheets.figures)
+            Ok(Chosen { figures: sheets.figures, tubes })
         }
     }
 }
@@ -103,7 +113,11 @@ fn as_tubes(solid: &Solid, context: &Context<'_>) -> Result<Option<Tubes>, Cance
 fn may_be_tube(refusal: &Refusal) -> bool {
     matches!(
         refusal,
-        Refusal::Ball { .. } | Refusal::Tube { .. } | Refusal::TooSmall { .. } | Refusal::SheetHasHoles { .. }
+        Refusal::Ball { .. }
+            | Refusal::Tube { .. }
+            | Refusal::TooSmall { .. }
+            | Refusal::TooThin { .. }
+            | Refusal::SheetHasHoles { .. }
     )
 }
 
@@ -122,22 +136,13 @@ struct Sheets {
     width_in_radii: f64,
     /// Its length over its width.
     aspect: f64,
-    /// Dice of what they fill with the mask.
-    overlap: f64,
-    is_sound: bool,
+    soundness: Soundness,
 }
 
 impl Sheets {
     fn of(figures: Figures, solid: &Solid, context: &Context<'_>) -> Result<Self, Cancelled> {
         let drafts = figures.drafts();
-        let overlap = overlap_with_part(solid, &drafts, context)?;
-        let (mut is_legal, mut nodes, mut spoilt) = (true, 0, 0);
-        for draft in &drafts {
-            is_legal &= draft.is_legal();
-            nodes += draft.repair().nodes;
-            spoilt += draft.repair().marred_nodes;
-        }
-        let is_sound = is_legal && overlap >= SOUND_OVERLAP && spoilt as f64 <= SOUND_SPOILT * nodes as f64;
+        let soundness = Soundness::of(solid, &drafts, context)?;
         let width_in_radii = drafts.first().map_or(0.0, |main| {
             let radius_mm = mean(main.radii()).unwrap_or(0.0) * solid.unit_mm;
             main.choices().width_mm / radius_mm.max(f64::MIN_POSITIVE)
@@ -145,7 +150,7 @@ impl Sheets {
         let aspect = drafts
             .first()
             .map_or(1.0, |main| main.choices().length_mm / main.choices().width_mm.max(f64::MIN_POSITIVE));
-        Ok(Self { figures, width_in_radii, aspect, overlap, is_sound })
+        Ok(Self { figures, width_in_radii, aspect, soundness })
     }
 
     /// Whether it is worth looking at the sections of a tube.
@@ -156,16 +161,17 @@ impl Sheets {
     /// Whether tubes stand better for the part than they do.
     fn yield_to(&self, tubes: &Tubes, solid: &Solid, context: &Context<'_>) -> Result<bool, Cancelled> {
         let drafts: Vec<AnyDraft<'_>> = tubes.drafts.iter().map(AnyDraft::Tube).collect();
-        if !drafts.iter().all(|draft| draft.is_legal()) {
+        let of_tubes = Soundness::of(solid, &drafts, context)?;
+        if !of_tubes.is_legal {
             return Ok(false);
         }
-        if self.is_sound {
+        if self.soundness.is_sound() {
             let [tube] = &tubes.drafts[..] else { return Ok(false) };
             let elongation = tube.choices.kind.map_or(0.0, |evidence| evidence.elongation);
             let is_long = tube.flatness <= ROUND && elongation >= LONG;
             return Ok(is_long || (self.width_in_radii <= NARROW && tube.flatness <= NEARLY_ROUND));
         }
-        Ok(overlap_with_part(solid, &drafts, context)? > self.overlap)
+        Ok(of_tubes.overlap > self.soundness.overlap)
     }
 
     /// The tubes with what spoke against them.
@@ -173,7 +179,7 @@ impl Sheets {
         for tube in &mut tubes.drafts {
             let evidence = KindEvidence {
                 width_in_radii: Some(self.width_in_radii),
-                sheet_overlap: Some(self.overlap),
+                sheet_overlap: Some(self.soundness.overlap),
                 ..tube.choices.kind.unwrap_or_default()
             };
             tube.choices.kind = Some(evidence);

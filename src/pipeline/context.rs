@@ -31,6 +31,8 @@ pub struct Context<'a> {
     pub(super) structures: usize,
     /// Which part of the label is worked on, from 0.
     part: usize,
+    /// How many figures of the part are before those that are worked on.
+    before: usize,
     notes: Mutex<Notes>,
 }
 
@@ -46,6 +48,11 @@ pub struct Notes {
 }
 
 impl Notes {
+    /// Warnings of what is used in the end, whose time is counted already.
+    pub(super) fn of_warnings(warnings: Vec<Warning>) -> Self {
+        Self { warnings, ..Self::default() }
+    }
+
     /// The time alone, of what was not used.
     pub(super) fn without_warnings(self) -> Self {
         Self { warnings: Vec::new(), ..self }
@@ -75,7 +82,7 @@ impl<'a> Context<'a> {
     /// The context of structure `structure` of `structures`.
     #[must_use]
     pub fn new(params: &'a CheckedParams, observer: &'a dyn Observer, structure: usize, structures: usize) -> Self {
-        Self { params, repeat: None, observer, structure, structures, part: 0, notes: Mutex::default() }
+        Self { params, repeat: None, observer, structure, structures, part: 0, before: 0, notes: Mutex::default() }
     }
 
     /// The context of a repeat of the same structure, whose progress nobody hears.
@@ -94,12 +101,17 @@ impl<'a> Context<'a> {
 
     /// The context of an attempt; what is noted there is taken in with [`Self::take_in`], if it is wanted.
     pub(super) fn apart(&self) -> Context<'a> {
-        self.of_part(self.part)
+        Context { before: self.before, ..self.of_part(self.part) }
+    }
+
+    /// The context of what so many figures leave over.
+    pub(super) fn of_rest(&self, before: usize) -> Context<'a> {
+        Context { before, ..self.of_part(self.part) }
     }
 
     /// In a repeat, the lattice size of the figure of this number that it repeats.
     pub(crate) fn repeated_size(&self, number: usize) -> Option<LatticeSize> {
-        self.repeat?.sizes.get(self.part)?.get(number).copied()
+        self.repeat?.sizes.get(self.part)?.get(self.before + number).copied()
     }
 
     /// Takes in what was noted of a part, under its name if it has one.

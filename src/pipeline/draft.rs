@@ -3,6 +3,7 @@
 use nalgebra::Point3;
 
 use super::plane::Flat;
+use super::plane::embedding::MAX_TURNED_OVER;
 use super::plane::tangents::PlaneDistortion;
 use super::tubes::TubeDraft;
 use super::tubes::legality::legality as tubes_legality;
@@ -55,6 +56,15 @@ impl<'a> AnyDraft<'a> {
         match self {
             Self::Sheet(draft) => sheets_legality((&draft.nodes).into()).parts.is_empty(),
             Self::Tube(draft) => tubes_legality(&draft.nodes).wedges.is_empty(),
+        }
+    }
+
+    /// Whether the plane of its sheet shows its back in more than a little.
+    #[must_use]
+    pub fn is_turned_over(self) -> bool {
+        match self {
+            Self::Sheet(draft) => draft.distortion.medial.is_some_and(|plane| plane.turned_over > MAX_TURNED_OVER),
+            Self::Tube(_) => false,
         }
     }
 

@@ -2,7 +2,9 @@
 
 use nalgebra::{Point2, Point3};
 
+use super::division::{Group, Joint};
 use super::draft::Draft;
+use super::medial::MedialSurface;
 use super::plane::Flat;
 use super::quality::Measured;
 use super::quality::measures::FlatQuads;
@@ -20,33 +22,50 @@ pub(super) fn hand_out(parts: Vec<Worked>, measured: Measured, structure: &mut S
     structure.quality = measured.structure;
     for worked in parts {
         let before = structure.figures.len();
-        match &worked.figures {
-            Figures::Sheets { sides, drafts, .. } => {
-                for (sheet, draft) in sides.iter().zip(drafts) {
-                    let Some(draft) = draft else { continue };
-                    let quality = of_figures.next().unwrap_or_default();
-                    let sheet = Sheet { part: worked.part, ..sheet_figure(&worked.solid, sheet, draft, quality) };
-                    structure.figures.push(Figure::Sheet(sheet));
-                }
-            }
-            Figures::Tubes(tubes) => {
-                for draft in &tubes.drafts {
-                    let quality = of_figures.next().unwrap_or_default();
-                    let parent = draft.parent.map(|parent| parent + before);
-                    let tube = Tube { part: worked.part, parent, ..tube_figure(&worked.solid, draft, quality) };
-                    structure.figures.push(Figure::Tube(tube));
-                }
-            }
+        for group in &worked.division.groups {
+            hand_out_group(&worked, group, &mut of_figures, structure);
+        }
+        for Joint { figures, places } in &worked.division.joints {
+            let figures = figures.iter().map(|figure| figure + before).collect();
+            structure.junctions.push(Junction { figures, points: worked.solid.in_world(places) });
         }
         let part = &mut structure.parts[worked.part];
         part.figures = (before..structure.figures.len()).collect();
         (part.kept_share, part.coverage) = of_parts.next().unwrap_or_default();
-        for Junction { figures, points } in junctions(&worked) {
-            let figures = figures.into_iter().map(|figure| figure + before).collect();
-            structure.junctions.push(Junction { figures, points });
-        }
-        structure.pruning.pruned += worked.figures.pruned();
     }
+}
+
+/// The figures of a solid or of a portion of it, and their junctions.
+fn hand_out_group(
+    worked: &Worked,
+    group: &Group,
+    qualities: &mut impl Iterator<Item = FigureQuality>,
+    structure: &mut Structure,
+) {
+    let before = structure.figures.len();
+    match &group.figures {
+        Figures::Sheets { sides, drafts, .. } => {
+            for (sheet, draft) in sides.iter().zip(drafts) {
+                let Some(draft) = draft else { continue };
+                let quality = qualities.next().unwrap_or_default();
+                let sheet = Sheet { part: worked.part, ..sheet_figure(&worked.solid, sheet, draft, quality) };
+                structure.figures.push(Figure::Sheet(sheet));
+            }
+        }
+        Figures::Tubes(tubes) => {
+            for draft in &tubes.drafts {
+                let quality = qualities.next().unwrap_or_default();
+                let parent = draft.parent.map(|parent| parent + before);
+                let tube = Tube { part: worked.part, parent, ..tube_figure(&worked.solid, draft, quality) };
+                structure.figures.push(Figure::Tube(tube));
+            }
+        }
+    }
+    for Junction { figures, points } in junctions(&worked.solid, group) {
+        let figures = figures.into_iter().map(|figure| figure + before).collect();
+        structure.junctions.push(Junction { figures, points });
+    }
+    structure.pruning.pruned += group.figures.pruned();
 }
 
 fn in_mm(points: &[Point2<f64>], voxel_mm: f64) -> Vec<ParamPoint> {
@@ -119,10 +138,10 @@ fn flat_points(solid: &Solid, positions: &[Point3<f64>], flat: &Flat) -> FlatPoi
 }
 
 /// Where the figures that were kept meet.
-fn junctions(worked: &Worked) -> Vec<Junction> {
-    match &worked.figures {
-        Figures::Sheets { sheets, drafts, .. } => hinges(worked, sheets, drafts),
-        Figures::Tubes(tubes) => forks(&worked.solid, &tubes.forks),
+fn junctions(solid: &Solid, group: &Group) -> Vec<Junction> {
+    match &group.figures {
+        Figures::Sheets { sheets, drafts, .. } => hinges((solid, &group.surface), sheets, drafts),
+        Figures::Tubes(tubes) => forks(solid, &tubes.forks),
     }
 }
 
@@ -133,8 +152,7 @@ fn forks(solid: &Solid, forks: &[Fork]) -> Vec<Junction> {
 }
 
 /// Hinges between the sheets that were kept.
-fn hinges(worked: &Worked, sheets: &Sheets, drafts: &[Option<Draft>]) -> Vec<Junction> {
-    let (solid, surface) = (&worked.solid, &worked.surface);
+fn hinges((solid, surface): (&Solid, &MedialSurface), sheets: &Sheets, drafts: &[Option<Draft>]) -> Vec<Junction> {
     let mut number = Vec::new();
     for draft in drafts {
         number.push(draft.is_some().then(|| number.iter().flatten().count()));

@@ -34,6 +34,10 @@ pub mod tubes;
 
 pub mod draft;
 
+mod division;
+
+mod soundness;
+
 pub mod quality;
 
 mod hand_out;

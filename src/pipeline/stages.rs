@@ -15,12 +15,14 @@
 //! figures, in work space; hand_out.rs brings them to the world
 //! ```
 //!
+//! Where the figures do not stand for the solid, it is divided (division/), and portions go through the boxes again.
+//!
 //! The boxes are those of the paper's figure 2, but for the last. Each stage is a function of what came before it and the
 //! [`Context`]; where it leaves the paper, the head of its folder says why.
 
-use super::choice::figures;
 use super::context::{Context, Part};
 use super::cutting::laid_flat;
+use super::division::{Division, divided};
 use super::draft::{AnyDraft, Draft};
 use super::hand_out::hand_out;
 use super::lattice::lattices;
@@ -31,7 +33,7 @@ use super::sheets::{Sheets, sheets};
 use super::sides::{SheetSides, sides};
 use super::solid::changes::Changes;
 use super::solid::cut_out::{Label, refuse_background};
-use super::solid::depth::{Depth, depth};
+use super::solid::depth::{Depth, SkinPoint, depth};
 use super::solid::parts::{Sent, SentPart};
 use super::solid::{Masked, Solid, masked};
 use super::tubes::Tubes;
@@ -47,9 +49,8 @@ pub(super) struct Worked {
     pub part: usize,
     pub solid: Solid,
     pub changes: Changes,
-    pub depth: Depth,
-    pub surface: MedialSurface,
-    pub figures: Figures,
+    pub skin: Vec<SkinPoint>,
+    pub division: Division,
 }
 
 /// The figures of a part.
@@ -69,6 +70,23 @@ impl Figures {
         }
     }
 
+    /// Those that are marked, of all in their order.
+    pub fn only(&self, is_kept: &[bool]) -> Self {
+        match self {
+            Self::Sheets { sheets, sides, drafts } => {
+                let (mut kept, mut number) = (drafts.clone(), 0);
+                for draft in &mut kept {
+                    if draft.is_some() {
+                        *draft = draft.take().filter(|_| is_kept[number]);
+                        number += 1;
+                    }
+                }
+                Self::Sheets { sheets: sheets.clone(), sides: sides.clone(), drafts: kept }
+            }
+            Self::Tubes(tubes) => Self::Tubes(tubes.only(is_kept)),
+        }
+    }
+
     /// How many sheets were pruned.
     pub fn pruned(&self) -> usize {
         match self {
@@ -80,13 +98,20 @@ impl Figures {
 
 impl<'a> From<&'a Worked> for Answered<'a> {
     fn from(worked: &'a Worked) -> Self {
+        let (mut drafts, mut skins, mut pruned) = (Vec::new(), Vec::new(), 0);
+        for group in &worked.division.groups {
+            drafts.extend(group.figures.drafts());
+            skins.resize(drafts.len(), &group.skin[..]);
+            pruned += group.figures.pruned();
+        }
         Self {
             part: worked.part,
             solid: &worked.solid,
-            depth: &worked.depth,
+            skin: &worked.skin,
             changes: &worked.changes,
-            drafts: worked.figures.drafts(),
-            pruned: worked.figures.pruned(),
+            drafts,
+            skins,
+            pruned,
         }
     }
 }
@@ -177,8 +202,9 @@ fn worked(
     // From here on lengths count in grains.
     let grain = solid.voxels_per_grain;
     let (solid, depth, surface) = (solid.in_units(grain), depth.in_units(grain), surface.in_units(grain));
-    let figures = figures(&solid, &depth, &surface, context)?;
-    Ok(Worked { part: number, solid, changes, depth, surface, figures })
+    let skin = depth.skin.clone();
+    let division = divided(&solid, depth, surface, context)?;
+    Ok(Worked { part: number, solid, changes, skin, division })
 }
 
 /// The sheets of a solid.

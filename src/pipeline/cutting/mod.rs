@@ -90,7 +90,7 @@ pub fn laid_flat(
     let params = context.params;
     let measure = Measure::of(params.embedding);
     let left = Cell::new(MOST_LAID);
-    let cutter = Cutter { surface, voxel_mm: solid.unit_mm, has_tunnels: solid.has_tunnels, measure, left, context };
+    let cutter = Cutter { surface, voxel_mm: solid.unit_mm, has_tunnels: solid.has_tunnels(), measure, left, context };
     let mut spare = params.max_figures.unwrap_or(usize::MAX).saturating_sub(sheets.members.len());
     let mut label = sheets.sheet_of.clone();
     let mut laid = Vec::new();

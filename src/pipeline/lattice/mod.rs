@@ -131,11 +131,11 @@ fn warn_of_frame(frame: &FrameFacts, number: usize, context: &Context<'_>) {
 
 /// Refuses large holes that the object has, and tells of small ones and of those that its medial sheet alone has.
 fn check_holes(share: f64, solid: &Solid, number: usize, context: &Context<'_>) -> Result<(), Refusal> {
-    if share > HOLES_REFUSED && solid.has_tunnels {
+    if share > HOLES_REFUSED && solid.has_tunnels() {
         return Err(Refusal::SheetHasHoles { share, allowed: HOLES_REFUSED });
     }
     if share > HOLES_SAID {
-        let whose = if solid.has_tunnels { "" } else { "; the mask has none" };
+        let whose = if solid.has_tunnels() { "" } else { "; the mask has none" };
         let message = format!("holes in sheet {number} were filled: {:.1} % of its area{whose}", 100.0 * share);
         context.warn("sheet_holes_filled", message);
     }

@@ -16,7 +16,7 @@ mod coverage;
 
 pub(in crate::pipeline) mod overlap;
 
-mod fill;
+pub(in crate::pipeline) mod fill;
 
 mod owners;
 
@@ -58,7 +58,7 @@ use crate::pipeline::quality::sums::summed;
 use crate::pipeline::quality::verdict::{Places, judge};
 use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::changes::Changes;
-use crate::pipeline::solid::depth::Depth;
+use crate::pipeline::solid::depth::SkinPoint;
 use crate::pipeline::solid::parts::Sent;
 use crate::pipeline::tubes::{self, TubeDraft};
 use crate::pipeline::vectors::legality::{Illegal, Part, legality};
@@ -69,12 +69,14 @@ pub struct Answered<'a> {
     pub part: usize,
     /// Its solid.
     pub solid: &'a Solid,
-    /// The depth below its skin.
-    pub depth: &'a Depth,
+    /// Its skin.
+    pub skin: &'a [SkinPoint],
     /// What the solid lost and gained.
     pub changes: &'a Changes,
     /// Its figures.
     pub drafts: Vec<AnyDraft<'a>>,
+    /// The skin of the portion of the solid that each of them stands for.
+    pub skins: Vec<&'a [SkinPoint]>,
     /// Sheets that were pruned.
     pub pruned: usize,
 }
@@ -134,8 +136,13 @@ fn add_figures(
     places: &mut Places,
     cancel: &dyn Cancel,
 ) -> Result<(), Cancelled> {
-    let skin = SkinSearch::of(&answered.depth.skin, cancel)?;
-    for draft in &answered.drafts {
+    let mut skin = SkinSearch::of(answered.skin, cancel)?;
+    let mut of_portion = answered.skin;
+    for (draft, own) in answered.drafts.iter().zip(&answered.skins) {
+        if !std::ptr::eq(*own, of_portion) {
+            skin = SkinSearch::of(own, cancel)?;
+            of_portion = own;
+        }
         let (mut quality, patches) = match draft {
             AnyDraft::Sheet(draft) => figure_quality(draft, cancel)?,
             AnyDraft::Tube(draft) => tube_quality(draft, cancel)?,

@@ -57,7 +57,7 @@ pub fn whole_skin(parts: &[Answered<'_>], unanswered: &[WorldPoint]) -> Vec<Skin
     let mut skin = Vec::new();
     for answered in parts {
         let into_common = answered.solid.world_from_work.to(common);
-        for point in &answered.depth.skin {
+        for point in answered.skin {
             skin.push(moved(*point, &into_common));
         }
         for place in &answered.changes.surface {

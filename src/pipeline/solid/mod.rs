@@ -32,6 +32,8 @@ pub mod changes;
 
 mod perturb;
 
+mod portion;
+
 pub(crate) mod senses;
 
 pub mod depth;
@@ -95,8 +97,8 @@ pub struct Solid {
     pub native: NativeMask,
     /// Which way is positive in the world.
     pub senses: Senses,
-    /// Whether tunnels lead through it: only then does its medial sheet have holes.
-    pub has_tunnels: bool,
+    /// Tunnels that lead through it: only then does its medial sheet have holes.
+    pub tunnels: i64,
 }
 
 /// Voxels of a label as they were cut out of the volume: with one free voxel all around, their axes in the order of the
@@ -158,18 +160,9 @@ pub fn masked(part: &NativeMask, context: &Context<'_>) -> Result<Masked, Pipeli
     let senses = Senses::of(&inside, &world_from_work, context)?;
     let unit_mm = working_voxel_mm;
     // One piece without cavities has one tunnel for each that its Euler number is below 1.
-    let has_tunnels = euler_number < 1;
-    let solid = Solid {
-        inside,
-        level,
-        world_from_work,
-        working_voxel_mm,
-        unit_mm,
-        voxels_per_grain,
-        native,
-        senses,
-        has_tunnels,
-    };
+    let tunnels = 1 - euler_number;
+    let solid =
+        Solid { inside, level, world_from_work, working_voxel_mm, unit_mm, voxels_per_grain, native, senses, tunnels };
     if let Some(repeat) = context.repeat {
         let solid = perturbed(solid, repeat.number, context)?;
         return Ok(Masked { solid, object: TriangleMesh::default(), changes: Changes::default() });
@@ -227,6 +220,12 @@ fn object_mesh(solid: &Solid, cancel: &dyn Cancel) -> Result<TriangleMesh, Cance
 }
 
 impl Solid {
+    /// Whether tunnels lead through it.
+    #[must_use]
+    pub fn has_tunnels(&self) -> bool {
+        self.tunnels > 0
+    }
+
     /// The same solid in a unit of so many working voxels.
     pub(in crate::pipeline) fn in_units(self, voxels_per_unit: f64) -> Self {
         Self {

@@ -80,6 +80,33 @@ pub struct Tubes {
     pub forks: Vec<Fork>,
 }
 
+impl Tubes {
+    /// Those that are marked, and where they meet.
+    pub(super) fn only(&self, is_kept: &[bool]) -> Self {
+        let (mut drafts, mut number_of) = (Vec::new(), vec![None; self.drafts.len()]);
+        for (number, draft) in self.drafts.iter().enumerate().filter(|(number, _)| is_kept[*number]) {
+            number_of[number] = Some(drafts.len());
+            // A parent comes before those that leave it.
+            let parent = draft.parent.and_then(|parent| number_of[parent]);
+            drafts.push(TubeDraft { parent, ..draft.clone() });
+        }
+        let mut forks = Vec::new();
+        for fork in &self.forks {
+            let mut kept = Fork { tubes: Vec::new(), places: Vec::new() };
+            for (tube, place) in fork.tubes.iter().zip(&fork.places) {
+                if let Some(number) = number_of[*tube] {
+                    kept.tubes.push(number);
+                    kept.places.push(*place);
+                }
+            }
+            if kept.tubes.len() > 1 {
+                forks.push(kept);
+            }
+        }
+        Self { drafts, forks }
+    }
+}
+
 /// The tubes of a solid; `None` when it is none. Warnings name figures by their numbers.
 ///
 /// # Errors
