@@ -12,12 +12,12 @@ use super::warning::Warning;
 use crate::params::CheckedParams;
 use crate::space::{WorldFromVoxel, WorldPoint};
 
-/// Where sheets meet (a hinge).
+/// Where figures meet: sheets at a hinge, tubes at a fork, portions of a solid at a cut.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Junction {
     /// Indices of the figures that meet.
     pub figures: Vec<usize>,
-    /// Points of the hinge.
+    /// Points of the hinge, centres of the open ends of tubes, or points of the cut.
     pub points: Vec<WorldPoint>,
 }
 

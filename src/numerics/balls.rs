@@ -17,8 +17,16 @@ const LEAF: usize = 8;
 pub struct Balls {
     /// In depth-first order, the root first; empty without balls.
     boxes: Vec<Bounds>,
-    /// Centre, radius and number, box by box.
-    balls: Vec<(Point3<f64>, f64, u32)>,
+    /// Box by box.
+    balls: Vec<Ball>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Ball {
+    centre: Point3<f64>,
+    radius: f64,
+    number: u32,
+    group: u32,
 }
 
 #[derive(Clone, Debug)]
@@ -26,6 +34,8 @@ struct Bounds {
     low: Point3<f64>,
     high: Point3<f64>,
     largest: f64,
+    /// The group that all its balls belong to.
+    group: Option<u32>,
     /// Its balls.
     from: u32,
     to: u32,
@@ -47,7 +57,22 @@ impl Balls {
     /// # Errors
     /// When it is cancelled.
     pub fn new(balls: &[(Point3<f64>, f64)], cancel: &dyn Cancel) -> Result<Self, Cancelled> {
-        let mut all: Vec<_> = balls.iter().enumerate().map(|(n, &(m, r))| (m, r, id(n))).collect();
+        Self::grouped(balls, |_| 0, cancel)
+    }
+
+    /// The same, each with the group that it belongs to, by its number.
+    ///
+    /// # Errors
+    /// When it is cancelled.
+    pub fn grouped(
+        balls: &[(Point3<f64>, f64)],
+        group_of: impl Fn(usize) -> u32,
+        cancel: &dyn Cancel,
+    ) -> Result<Self, Cancelled> {
+        let mut all = Vec::with_capacity(balls.len());
+        for (number, &(centre, radius)) in balls.iter().enumerate() {
+            all.push(Ball { centre, radius, number: id(number), group: group_of(number) });
+        }
         let mut boxes = Vec::new();
         if !all.is_empty() {
             split(&mut all, 0, &mut boxes, cancel)?;
@@ -58,6 +83,13 @@ impl Balls {
     /// Number of the nearest ball (the first of equals), or `None` without balls.
     #[must_use]
     pub fn nearest(&self, p: Point3<f64>) -> Option<usize> {
+        self.nearest_beside(p, None)
+    }
+
+    /// The same of the balls that are not of some group. Boxes that hold that group alone are not looked into, so one that owns
+    /// most of what is around costs no more than another.
+    #[must_use]
+    pub fn nearest_beside(&self, p: Point3<f64>, group: Option<u32>) -> Option<usize> {
         let mut best = (f64::INFINITY, u32::MAX);
         // Boxes still to be looked at, and the least power in them.
         let mut waiting = Vec::with_capacity(32);
@@ -67,11 +99,14 @@ impl Balls {
                 continue;
             }
             let bounds = &self.boxes[k];
+            if group.is_some() && bounds.group == group {
+                continue;
+            }
             if bounds.second == 0 {
-                for (m, r, number) in &self.balls[bounds.from as usize..bounds.to as usize] {
-                    let power = (p - m).norm_squared() - r * r;
-                    if (power, *number) < best {
-                        best = (power, *number);
+                for ball in &self.balls[bounds.from as usize..bounds.to as usize] {
+                    let power = (p - ball.centre).norm_squared() - ball.radius * ball.radius;
+                    if (power, ball.number) < best && group != Some(ball.group) {
+                        best = (power, ball.number);
                     }
                 }
                 continue;
@@ -88,23 +123,26 @@ impl Balls {
 /// Halves balls along the longest edge of their box until few are left; `from` is the place of the
 /// first one.
 fn split(
-    balls: &mut [(Point3<f64>, f64, u32)],
+    balls: &mut [Ball],
     from: usize,
     boxes: &mut Vec<Bounds>,
     cancel: &dyn Cancel,
 ) -> Result<(), Cancelled> {
     cancel.check()?;
-    let low = balls.iter().fold(balls[0].0, |low, b| low.inf(&b.0));
-    let high = balls.iter().fold(balls[0].0, |high, b| high.sup(&b.0));
-    let largest = balls.iter().map(|b| b.1).fold(0.0, f64::max);
+    let low = balls.iter().fold(balls[0].centre, |low, ball| low.inf(&ball.centre));
+    let high = balls.iter().fold(balls[0].centre, |high, ball| high.sup(&ball.centre));
+    let largest = balls.iter().map(|ball| ball.radius).fold(0.0, f64::max);
+    let group = balls.iter().all(|ball| ball.group == balls[0].group).then_some(balls[0].group);
     let own = boxes.len();
-    boxes.push(Bounds { low, high, largest, from: id(from), to: id(from + balls.len()), second: 0 });
+    boxes.push(Bounds { low, high, largest, group, from: id(from), to: id(from + balls.len()), second: 0 });
     if balls.len() <= LEAF {
         return Ok(());
     }
     let axis = (high - low).imax();
     let middle = balls.len() / 2;
-    balls.select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.2.cmp(&b.2)));
+    balls.select_nth_unstable_by(middle, |a, b| {
+        a.centre[axis].total_cmp(&b.centre[axis]).then(a.number.cmp(&b.number))
+    });
     let (first, second) = balls.split_at_mut(middle);
     split(first, from, boxes, cancel)?;
     boxes[own].second = id(boxes.len());
@@ -128,6 +166,25 @@ mod tests {
             let best = (0..balls.len()).min_by(|&a, &b| power(a).total_cmp(&power(b)));
             assert_eq!(tree.nearest(p), best);
         }
+    }
+
+    #[test]
+    fn of_the_balls_beside_a_group_the_nearest_is_that_of_a_tree_without_it() {
+        let of = |n: usize, k: usize| ((n * n * 37 + n * 7919 * k) % 1009) as f64 / 50.0;
+        let balls: Vec<_> = (0..400).map(|n| (Point3::new(of(n, 1), of(n, 2), of(n, 3)), of(n, 5) / 4.0)).collect();
+        // Half of space is of one group, the rest of three that are mixed.
+        let group = |n: usize| if balls[n].0.x < 10.0 { 0 } else { 1 + id(n % 3) };
+        let tree = Balls::grouped(&balls, group, &Never).expect("not stopped");
+        for n in 0..200 {
+            let p = Point3::new(of(n, 7), of(n, 11), of(n, 13));
+            let power = |k: usize| (p - balls[k].0).norm_squared() - balls[k].1.powi(2);
+            for without in 0..4 {
+                let others = (0..balls.len()).filter(|k| group(*k) != without);
+                let best = others.min_by(|&a, &b| power(a).total_cmp(&power(b)));
+                assert_eq!(tree.nearest_beside(p, Some(without)), best);
+            }
+        }
+        assert_eq!(Balls::new(&balls, &Never).expect("not stopped").nearest_beside(Point3::origin(), Some(0)), None);
     }
 
     #[test]

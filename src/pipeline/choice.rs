@@ -122,11 +122,11 @@ fn may_be_tube(refusal: &Refusal) -> bool {
 }
 
 /// Whether tubes stand for what has no sheets. A solid with holes may be a ring of round sections; of flat ones it is a
-/// sheet that has to be cut, and what it is cut into here would have no thickness.
+/// sheet that has to be cut, and what it is cut into here would have no thickness; so would what is too thin, unless it is round.
 fn stand_for(tubes: &Tubes, refusal: &Refusal) -> bool {
-    let is_ring = matches!(refusal, Refusal::SheetHasHoles { .. });
+    let may_be_flat = matches!(refusal, Refusal::SheetHasHoles { .. } | Refusal::TooThin { .. });
     let is_round = |tube: &TubeDraft| tube.flatness <= ROUND_BRANCH && AnyDraft::Tube(tube).is_legal();
-    !is_ring || tubes.drafts.iter().all(is_round)
+    !may_be_flat || tubes.drafts.iter().all(is_round)
 }
 
 /// The sheets of a part with what speaks for them.

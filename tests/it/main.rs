@@ -58,6 +58,7 @@ mod pipeline_refusals;
 mod pipeline_anchored;
 mod pipeline_auto;
 mod pipeline_cut;
+mod pipeline_division;
 
 mod pipeline_grain;
 

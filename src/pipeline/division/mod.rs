@@ -77,8 +77,8 @@ pub(super) fn divided(
     let params = context.params;
     // The paper's own pairing and its own lattice are there to be looked at as they are.
     let is_paper = params.correspondence == Correspondence::Paper || params.lattice == LatticeKind::Regular;
-    let portions = if is_paper || solid.tunnels > MOST_TUNNELS { 0 } else { MOST_PORTIONS };
-    let divider = Divider { context, least, portions: Cell::new(portions) };
+    let most_levels = if is_paper || solid.tunnels > MOST_TUNNELS { 0 } else { MOST_LEVELS };
+    let divider = Divider { context, least, most_levels, portions: Cell::new(MOST_PORTIONS) };
     let groups = divider.ways(solid, (depth, surface), Place { level: 0, before: 0 })?.groups;
     let joints = joints(solid, &groups, context)?;
     divider.tell(&groups);
@@ -105,6 +105,8 @@ struct Divider<'a> {
     context: &'a Context<'a>,
     /// Voxels of a portion at the least.
     least: f64,
+    /// How often a portion may be divided again.
+    most_levels: usize,
     /// Portions that may still be tried.
     portions: Cell<usize>,
 }
@@ -139,7 +141,7 @@ impl Divider<'_> {
             warnings: notes.warnings.clone(),
         };
         let mut best = self.with_remainders(solid, vec![group(figures)], place)?;
-        if best.soundness.is_sound() || place.level >= MOST_LEVELS {
+        if best.soundness.is_sound() || place.level >= self.most_levels {
             return Ok(best);
         }
         for figures in others.into_iter().flatten() {
@@ -156,8 +158,21 @@ impl Divider<'_> {
 
     /// What is refused as it is, cut.
     fn cut_instead(&self, solid: &Solid, refusal: Refusal, place: Place) -> Result<Way, PipelineError> {
-        let cut = if place.level < MOST_LEVELS { self.cut(solid, place)? } else { None };
+        let may_be_cut = place.level < self.most_levels && self.may_be_cut(&refusal);
+        let cut = if may_be_cut { self.cut(solid, place)? } else { None };
         cut.filter(Way::stands).ok_or_else(|| refusal.into())
+    }
+
+    /// Whether halves of what is refused may have figures. A Möbius band cut in two would look like a band that is none, and of a
+    /// ball that is to be a sheet nothing better is made.
+    fn may_be_cut(&self, refusal: &Refusal) -> bool {
+        match refusal {
+            Refusal::SheetHasHoles { .. } => true,
+            Refusal::Ball { .. } | Refusal::Tube { .. } | Refusal::NoTube | Refusal::TooSmall { .. } => {
+                self.context.params.kinds.may_be_tubes()
+            }
+            _ => false,
+        }
     }
 
     /// A solid cut in two.
@@ -174,7 +189,7 @@ impl Divider<'_> {
 
     /// Groups of figures with those of what they leave over.
     fn with_remainders(&self, solid: &Solid, mut groups: Vec<Group>, place: Place) -> Result<Way, Cancelled> {
-        if place.level < MOST_LEVELS && self.portions.get() > 0 {
+        if place.level < self.most_levels && self.portions.get() > 0 {
             for marked in remainders(solid, &drafts(&groups), self.least, self.context)? {
                 self.add_portion(solid, &marked, &mut groups, place)?;
             }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::inscribed::Inscribed;
-use super::{NO_SHEET, sizes};
+use super::sizes;
 use crate::cancel::{Cancel, Cancelled};
 use crate::params::Prune;
 use crate::pipeline::medial::MedialSurface;
@@ -83,10 +83,10 @@ fn losses(
     // A skin point stands for the face of a working voxel.
     let face = depth.voxels_per_unit.powi(-2);
     let volume = depth.volume();
+    let balls = Inscribed::by_sheets(surface, label, cancel)?;
     let mut losses = BTreeMap::new();
-    for (sheet, skin) in skin_of_sheets(surface, depth, label, cancel)? {
-        let others = Inscribed::of(surface, |p| ![NO_SHEET, sheet].contains(&label[p]), cancel)?;
-        let heights = others.heights(depth, &skin, cancel)?;
+    for (sheet, skin) in skin_of_sheets(&balls, depth, label, cancel)? {
+        let heights = balls.heights_without(sheet, depth, &skin, cancel)?;
         losses.insert(sheet, face * heights.into_iter().sum::<f64>() / volume.max(1e-9));
     }
     Ok(losses)
@@ -94,7 +94,7 @@ fn losses(
 
 /// The skin points of each sheet: those that a ball of it comes nearest to.
 fn skin_of_sheets(
-    surface: &MedialSurface,
+    balls: &Inscribed,
     depth: &Depth,
     label: &[u32],
     cancel: &dyn Cancel,
@@ -103,7 +103,7 @@ fn skin_of_sheets(
     for sheet in sizes(label).into_keys() {
         skin_of.insert(sheet, Vec::new());
     }
-    let owners = Inscribed::of(surface, |p| label[p] != NO_SHEET, cancel)?.of_skin(depth, cancel)?;
+    let owners = balls.of_skin(depth, cancel)?;
     for (s, owner) in owners.into_iter().enumerate() {
         if let Some((p, _)) = owner {
             skin_of.entry(label[p]).or_default().push(s);
