@@ -1,6 +1,6 @@
 # What one does here. `make run` and `make test` are all that a newcomer needs.
 
-.PHONY: run test web bench accuracy verdict fuzz soak contract lint openapi image-check deny clean
+.PHONY: run test web bench accuracy verdict paper fuzz soak contract lint openapi image-check deny clean
 
 # The service and its page on 127.0.0.1:8080, with a sample job already sent.
 run:
@@ -29,6 +29,12 @@ accuracy:
 # Prints how wrong masks with known faults come out, and what the verdict says: the table in docs/quality.md.
 verdict:
 	@cargo run --quiet --locked --release --example accuracy -- --verdict
+
+# Draws figures 5 to 7 of the paper into docs/paper and writes the tables of docs/paper.md; MASKS=folder draws masks of
+# the same organs into target/paper too.
+paper:
+	@cargo run --quiet --locked --release --no-default-features --example paper
+	@$(if $(MASKS),cargo run --quiet --locked --release --no-default-features --example paper -- --masks "$(MASKS)")
 
 # Fuzzes the readers of files, parameters and forms, FUZZ_SECONDS each (1800), and keeps what was found
 # in fuzz/corpus, which `make test` replays; needs a C++ compiler.

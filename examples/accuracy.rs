@@ -9,6 +9,7 @@
 
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program for the command line")]
 
+#[allow(dead_code, reason = "what draws the figures of the paper is in the same module")]
 #[path = "../tests/measure/mod.rs"]
 mod measure;
 

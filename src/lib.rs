@@ -35,13 +35,15 @@
 //!               solid ─ medial ─ sheets ─ sides ─ plane ─ lattice ─ vectors ─ quality
 //! ```
 //!
+//! [`drawing`] makes pictures of a model, for documents and reports.
+//!
 //! The folders of [`pipeline`] are the boxes of the paper's figure 2, and the quality, which the paper has not; its
 //! `stages` have their order. `jobs::process` is
 //! the line from file to files: `medialrep run` calls it once, the service calls it from its workers. The page that
 //! people see is in `web`: npm builds it, `http::web` serves it, and it knows of the service what `openapi.yaml` says.
 //!
-//! Dependencies point one way: `cli → http → jobs → {audit, webhook, formats, pipeline} → model → {params, numerics} →
-//! space`. `pipeline`, `numerics` and `space` know no web framework, no file system and no environment; a test holds
+//! Dependencies point one way: `cli → http → jobs → {audit, webhook, formats, pipeline} → {drawing, model} → {params,
+//! numerics} → space`, and `drawing → model`. `pipeline`, `numerics` and `space` know no web framework, no file system and no environment; a test holds
 //! that. Stages are plain functions over plain data with one [`pipeline::context::Context`]; progress and cancelling go
 //! through [`pipeline::observer::Observer`].
 //!
@@ -94,6 +96,8 @@ pub mod params;
 pub mod model;
 
 pub mod pipeline;
+
+pub mod drawing;
 
 pub mod formats;
 

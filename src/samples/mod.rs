@@ -66,6 +66,12 @@ impl Sample {
         &self.solids
     }
 
+    /// The objects alone.
+    #[must_use]
+    pub fn into_solids(self) -> Vec<Solid> {
+        self.solids
+    }
+
     /// Distance to the skin of the nearest solid, negative inside, mm.
     #[must_use]
     pub fn signed_mm(&self, point: WorldPoint) -> f64 {

@@ -39,6 +39,8 @@ mod pipeline_shapes;
 
 mod accuracy;
 
+mod paper;
+
 mod golden;
 
 mod pipeline_input;

@@ -95,6 +95,7 @@ fn lower_layers_do_not_name_higher_ones() {
     check_never(&["src/params"], &["crate::", "serde"]);
     check_never(&["src/space"], &["crate::numerics", "crate::pipeline"]);
     check_never(&["src/numerics"], &["crate::pipeline"]);
+    check_never(&["src/drawing"], &["crate::pipeline", "crate::formats", "serde", "std::fs", "std::env"]);
     check_never(&["src/formats"], &["crate::jobs", "crate::http", "crate::cli", "tokio", "axum"]);
     check_never(&["src/webhook"], &["axum", "crate::"]);
     check_never(&["src/jobs"], &["axum", "crate::http", "crate::cli", "crate::config"]);

@@ -12,6 +12,8 @@ pub mod table;
 
 pub mod damage;
 
+pub mod figures;
+
 use medialrep::model::Model;
 use medialrep::params::{GridChoice, Params};
 use medialrep::pipeline::observer::Silent;
