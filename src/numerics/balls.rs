@@ -122,12 +122,7 @@ impl Balls {
 
 /// Halves balls along the longest edge of their box until few are left; `from` is the place of the
 /// first one.
-fn split(
-    balls: &mut [Ball],
-    from: usize,
-    boxes: &mut Vec<Bounds>,
-    cancel: &dyn Cancel,
-) -> Result<(), Cancelled> {
+fn split(balls: &mut [Ball], from: usize, boxes: &mut Vec<Bounds>, cancel: &dyn Cancel) -> Result<(), Cancelled> {
     cancel.check()?;
     let low = balls.iter().fold(balls[0].centre, |low, ball| low.inf(&ball.centre));
     let high = balls.iter().fold(balls[0].centre, |high, ball| high.sup(&ball.centre));
@@ -140,9 +135,8 @@ fn split(
     }
     let axis = (high - low).imax();
     let middle = balls.len() / 2;
-    balls.select_nth_unstable_by(middle, |a, b| {
-        a.centre[axis].total_cmp(&b.centre[axis]).then(a.number.cmp(&b.number))
-    });
+    balls
+        .select_nth_unstable_by(middle, |a, b| a.centre[axis].total_cmp(&b.centre[axis]).then(a.number.cmp(&b.number)));
     let (first, second) = balls.split_at_mut(middle);
     split(first, from, boxes, cancel)?;
     boxes[own].second = id(boxes.len());

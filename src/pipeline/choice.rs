@@ -14,7 +14,7 @@ use super::solid::depth::Depth;
 use super::soundness::Soundness;
 use super::stages::{Figures, sheet_figures};
 use super::tubes::{TubeDraft, Tubes, tubes};
-use crate::cancel::Cancelled;
+use crate::cancel::{Cancel, Cancelled};
 use crate::model::{KindEvidence, Refusal, Stage};
 use crate::numerics::stats::mean;
 use crate::params::{Correspondence, LatticeKind};
@@ -76,7 +76,12 @@ pub(super) fn figures(
         Ok(sheets) => Sheets::of(sheets, solid, context)?,
         Err(PipelineError::Refused(refusal)) if may_be_tube(&refusal) => {
             let other = context.apart();
-            let tubes = as_tubes(solid, &other)?.filter(|tubes| stand_for(tubes, &refusal));
+            let mut tubes = as_tubes(solid, &other)?;
+            if let Some(found) = &tubes
+                && !stand_for(found, &refusal, solid, context)?
+            {
+                tubes = None;
+            }
             context.take_in(attempt.into_notes().without_warnings(), None);
             context.take_in(other.into_notes(), None);
             return tubes.map(|tubes| Figures::Tubes(tubes).into()).ok_or_else(|| refusal.into());
@@ -122,11 +127,15 @@ fn may_be_tube(refusal: &Refusal) -> bool {
 }
 
 /// Whether tubes stand for what has no sheets. A solid with holes may be a ring of round sections; of flat ones it is a
-/// sheet that has to be cut, and what it is cut into here would have no thickness; so would what is too thin, unless it is round.
-fn stand_for(tubes: &Tubes, refusal: &Refusal) -> bool {
-    let may_be_flat = matches!(refusal, Refusal::SheetHasHoles { .. } | Refusal::TooThin { .. });
+/// sheet that has to be cut, and what it is cut into here would have no thickness. What is too thin for sheets is a tube only
+/// if that spoils few nodes.
+fn stand_for(tubes: &Tubes, refusal: &Refusal, solid: &Solid, cancel: &dyn Cancel) -> Result<bool, Cancelled> {
     let is_round = |tube: &TubeDraft| tube.flatness <= ROUND_BRANCH && AnyDraft::Tube(tube).is_legal();
-    !may_be_flat || tubes.drafts.iter().all(is_round)
+    match refusal {
+        Refusal::SheetHasHoles { .. } => Ok(tubes.drafts.iter().all(is_round)),
+        Refusal::TooThin { .. } => Ok(Soundness::of_tubes(solid, tubes, cancel)?.spoils_few()),
+        _ => Ok(true),
+    }
 }
 
 /// The sheets of a part with what speaks for them.
@@ -160,8 +169,7 @@ impl Sheets {
 
     /// Whether tubes stand better for the part than they do.
     fn yield_to(&self, tubes: &Tubes, solid: &Solid, context: &Context<'_>) -> Result<bool, Cancelled> {
-        let drafts: Vec<AnyDraft<'_>> = tubes.drafts.iter().map(AnyDraft::Tube).collect();
-        let of_tubes = Soundness::of(solid, &drafts, context)?;
+        let of_tubes = Soundness::of_tubes(solid, tubes, context)?;
         if !of_tubes.is_legal {
             return Ok(false);
         }

@@ -3,6 +3,7 @@
 use super::draft::AnyDraft;
 use super::quality::overlap::overlap_with_part;
 use super::solid::Solid;
+use super::tubes::Tubes;
 use crate::cancel::{Cancel, Cancelled};
 
 /// Overlap with the solid's mask from which figures are sound.
@@ -45,9 +46,23 @@ impl Soundness {
         Ok(Self { is_legal, spoilt: spoilt as f64 / nodes.max(1) as f64, overlap, lies_flat })
     }
 
+    /// Of tubes.
+    ///
+    /// # Errors
+    /// When it is cancelled.
+    pub fn of_tubes(solid: &Solid, tubes: &Tubes, cancel: &dyn Cancel) -> Result<Self, Cancelled> {
+        let drafts: Vec<AnyDraft<'_>> = tubes.drafts.iter().map(AnyDraft::Tube).collect();
+        Self::of(solid, &drafts, cancel)
+    }
+
+    /// Whether no vectors cross, and few nodes are spoilt.
+    pub fn spoils_few(self) -> bool {
+        self.is_legal && self.spoilt <= SOUND_SPOILT
+    }
+
     /// Whether there is no need to look for others.
     pub fn is_sound(self) -> bool {
-        self.is_legal && self.lies_flat && self.spoilt <= SOUND_SPOILT && self.overlap >= SOUND_OVERLAP
+        self.spoils_few() && self.lies_flat && self.overlap >= SOUND_OVERLAP
     }
 
     /// Whether these are worth more figures than others have: legal ones are; of two that are, or are not, what fills clearly

@@ -172,9 +172,10 @@ pub fn boxed(change: impl FnOnce(&mut Nodes)) -> (StructureQuality, FigureQualit
     let answered = Answered {
         part: 0,
         solid: &solid,
-        depth: &depth,
+        skin: &depth.skin,
         changes: &changes,
         drafts: vec![AnyDraft::Sheet(&draft)],
+        skins: vec![&depth.skin],
         pruned: 0,
     };
     let mut measured = quality(&sent, &[answered], &context(&params)).unwrap();
