@@ -69,6 +69,20 @@ impl Points {
         best.1
     }
 
+    /// Number of the nearest of the points, by number and place, that are accepted (the first of equals).
+    #[must_use]
+    pub fn nearest_where(&self, p: Point3<f64>, accept: impl Fn(usize, &Point3<f64>) -> bool) -> Option<usize> {
+        let mut best = (f64::INFINITY, usize::MAX);
+        self.visit(p, f64::INFINITY, |place, number| {
+            let found = (squared(place, p), number);
+            if found < best && accept(number, place) {
+                best = found;
+            }
+            best.0
+        });
+        (best.1 != usize::MAX).then_some(best.1)
+    }
+
     /// Numbers of the points within `reach` of a place, in no order.
     #[must_use]
     pub fn within(&self, p: Point3<f64>, reach: f64) -> Vec<usize> {

@@ -37,6 +37,9 @@ const LONGISH: f64 = 2.0;
 /// Flatness of the sections up to which the branches of what has holes are those of a ring of tubes. Those of a round ring have
 /// 1.0 to 1.2, of a flat one, which is a sheet with a hole, 1.5 to 1.7.
 const ROUND_BRANCH: f64 = 1.35;
+/// The same up to which what is too thin for sheets is a tube: an ellipse of 4 by 1 has 2. Of a plate of one voxel the wall would
+/// be all there is; processes of vertebrae have up to 1.7.
+const THIN_FLATNESS: f64 = 2.0;
 
 /// The figures of a solid.
 pub(super) struct Chosen {
@@ -110,8 +113,16 @@ pub(super) fn figures(
     }
 }
 
+/// A solid as tubes, in the better of the ways that there are.
 fn as_tubes(solid: &Solid, context: &Context<'_>) -> Result<Option<Tubes>, Cancelled> {
-    context.stage(Stage::Lattice, || tubes(solid, context))
+    let mut best: Option<(Soundness, Tubes)> = None;
+    for way in context.stage(Stage::Lattice, || tubes(solid, context))? {
+        let soundness = Soundness::of_tubes(solid, &way, context)?;
+        if best.as_ref().is_none_or(|best| soundness.is_better_than(best.0)) {
+            best = Some((soundness, way));
+        }
+    }
+    Ok(best.map(|best| best.1))
 }
 
 /// Whether what has no sheets may be a tube.
@@ -128,12 +139,15 @@ fn may_be_tube(refusal: &Refusal) -> bool {
 
 /// Whether tubes stand for what has no sheets. A solid with holes may be a ring of round sections; of flat ones it is a
 /// sheet that has to be cut, and what it is cut into here would have no thickness. What is too thin for sheets is a tube only
-/// if that spoils few nodes.
+/// if that is not flat either and spoils few nodes.
 fn stand_for(tubes: &Tubes, refusal: &Refusal, solid: &Solid, cancel: &dyn Cancel) -> Result<bool, Cancelled> {
     let is_round = |tube: &TubeDraft| tube.flatness <= ROUND_BRANCH && AnyDraft::Tube(tube).is_legal();
     match refusal {
         Refusal::SheetHasHoles { .. } => Ok(tubes.drafts.iter().all(is_round)),
-        Refusal::TooThin { .. } => Ok(Soundness::of_tubes(solid, tubes, cancel)?.spoils_few()),
+        Refusal::TooThin { .. } => {
+            let is_flat = tubes.drafts.iter().any(|tube| tube.flatness > THIN_FLATNESS);
+            Ok(!is_flat && Soundness::of_tubes(solid, tubes, cancel)?.spoils_few())
+        }
         _ => Ok(true),
     }
 }

@@ -226,15 +226,17 @@ fn fork() -> Curve {
 fn a_fork_is_three_tubes_that_meet() {
     for rotation in [Rotation3::identity(), Rotation3::from_euler_angles(0.35, 0.6, 0.2)] {
         let structure = structure(&round(&fork(), rotation));
-        let tubes: Vec<&Tube> = structure.tubes().collect();
-        assert_eq!((tubes.len(), structure.figures.len()), (3, 3), "{:?}", structure.warnings);
-        assert!(tubes.iter().all(|tube| folds(tube) == 0));
+        // What lies between the three may have a figure of its own.
+        assert!((3..=4).contains(&structure.figures.len()), "{:?}", structure.warnings);
+        assert!(structure.quality.folds == 0);
+        let tubes: Vec<&Tube> = structure.tubes().take(3).collect();
+        assert!(tubes.len() == 3 && tubes.iter().all(|tube| folds(tube) == 0));
         let quality = &structure.quality;
         assert_eq!(quality.verdict, Verdict::Pass, "{:?}", quality.reasons);
-        assert!(quality.coverage.dice > 0.94, "overlap {:.3}", quality.coverage.dice);
+        assert!(quality.coverage.dice > 0.95, "overlap {:.3}", quality.coverage.dice);
         // One junction, near the fork, of all three; the two that lead on have the first as their parent.
-        let [junction] = &structure.junctions[..] else { panic!("{:?}", structure.junctions) };
-        assert_eq!(junction.figures.len(), 3);
+        let of_three: Vec<_> = structure.junctions.iter().filter(|junction| junction.figures.len() == 3).collect();
+        let [junction] = &of_three[..] else { panic!("{:?}", structure.junctions) };
         for point in &junction.points {
             assert!((point - junction.points[0]).norm() < 16.0, "{:?}", junction.points);
         }

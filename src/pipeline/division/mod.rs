@@ -25,21 +25,24 @@ use super::choice::{Chosen, figures};
 use super::context::{Context, Notes};
 use super::draft::AnyDraft;
 use super::medial::{MedialSurface, medial_surface};
+use super::sheets::loss_needed;
 use super::solid::Solid;
 use super::solid::depth::{Depth, SkinPoint};
 use super::soundness::{Soundness, is_sound};
 use super::stages::Figures;
 use crate::cancel::Cancelled;
 use crate::model::{Refusal, Stage, Warning};
-use crate::params::{Correspondence, LatticeKind};
+use crate::params::{Correspondence, LatticeKind, Prune};
 use crate::space::Grid;
 
-/// Share of a part's volume from which a portion has figures of its own.
+/// Share of a part's volume from which a portion has figures of its own, unless `prune` says what a sheet must account for.
 const LEAST_SHARE: f64 = 0.02;
 /// The same in cubic grains: the smallest ribs that have a tube have 140.
 const LEAST_VOLUME: f64 = 60.0;
 /// Dice with its own voxels from which figures stand for a portion. What is below is none the better for them.
 const OWN_OVERLAP: f64 = 0.5;
+/// The same from which portions stand for what has no figures as a whole: one half of a ring alone has 0.67.
+const INSTEAD_OVERLAP: f64 = 0.7;
 /// How often a portion may be divided again. With 2, a colon of a torso folds; with 4 nothing of it changes.
 const MOST_LEVELS: usize = 3;
 /// Portions that are tried for a part at the most. Of the 59 labels of a torso, a sacrum tries most of them.
@@ -72,9 +75,13 @@ pub(super) fn divided(
     surface: MedialSurface,
     context: &Context<'_>,
 ) -> Result<Division, PipelineError> {
-    let voxels = solid.inside.as_slice().iter().filter(|is_in| **is_in).count() as f64;
-    let least = (LEAST_SHARE * voxels).max(LEAST_VOLUME * solid.voxels_per_grain.powi(3));
     let params = context.params;
+    let voxels = solid.inside.as_slice().iter().filter(|is_in| **is_in).count() as f64;
+    let share = match params.prune {
+        Prune::Auto => LEAST_SHARE,
+        Prune::Strength(_) => loss_needed(params.prune),
+    };
+    let least = (share * voxels).max(LEAST_VOLUME * solid.voxels_per_grain.powi(3));
     // The paper's own pairing and its own lattice are there to be looked at as they are.
     let is_paper = params.correspondence == Correspondence::Paper || params.lattice == LatticeKind::Regular;
     let most_levels = if is_paper || solid.tunnels > MOST_TUNNELS { 0 } else { MOST_LEVELS };
@@ -160,7 +167,8 @@ impl Divider<'_> {
     fn cut_instead(&self, solid: &Solid, refusal: Refusal, place: Place) -> Result<Way, PipelineError> {
         let may_be_cut = place.level < self.most_levels && self.may_be_cut(&refusal);
         let cut = if may_be_cut { self.cut(solid, place)? } else { None };
-        cut.filter(Way::stands).ok_or_else(|| refusal.into())
+        let stands = |way: &Way| way.soundness.is_legal && way.soundness.overlap >= INSTEAD_OVERLAP;
+        cut.filter(stands).ok_or_else(|| refusal.into())
     }
 
     /// Whether halves of what is refused may have figures. A Möbius band cut in two would look like a band that is none, and of a

@@ -106,9 +106,9 @@ impl<'a> SpaceFromPlane<'a> {
         self.bare(nearest)
     }
 
-    /// The points it is made of, in the plane and in space.
-    pub fn points(&self) -> impl Iterator<Item = (Point2<f64>, Point3<f64>)> {
-        self.flat.iter().copied().zip(self.positions.iter().copied())
+    /// The position of the nearest of the points, by their positions, that are accepted.
+    pub fn nearest_where(&self, p: Point2<f64>, accept: impl Fn(Point3<f64>) -> bool) -> Option<Point3<f64>> {
+        self.nearest_of(p, |k| accept(self.positions[k])).map(|(k, _)| self.positions[k])
     }
 
     /// [`Self::node`] of some places.
@@ -127,14 +127,26 @@ impl<'a> SpaceFromPlane<'a> {
     /// The point nearest to `p`, and how far it is.
     #[must_use]
     pub fn nearest(&self, p: Point2<f64>) -> (usize, f64) {
-        match self.nearest_of(self.cells.around(p, FIT_RADIUS), p) {
-            // Beyond the radius, the cells may hold one and miss a nearer one.
-            Some((k, distance)) if distance <= FIT_RADIUS => (k, distance),
-            _ => self.nearest_of(0..self.flat.len(), p).unwrap_or((0, f64::INFINITY)),
-        }
+        self.nearest_of(p, |_| true).unwrap_or((0, f64::INFINITY))
     }
 
-    fn nearest_of(&self, points: impl Iterator<Item = usize>, p: Point2<f64>) -> Option<(usize, f64)> {
+    /// The nearest of the points, by their numbers, that are accepted: looked for in ever larger circles.
+    fn nearest_of(&self, p: Point2<f64>, accept: impl Fn(usize) -> bool) -> Option<(usize, f64)> {
+        /// Doublings of the circle, to 64 times that of a fit; few places are so far from all points.
+        const DOUBLINGS: usize = 6;
+        let mut radius = FIT_RADIUS;
+        for _ in 0..=DOUBLINGS {
+            let near = self.nearest_among(self.cells.around(p, radius).filter(|k| accept(*k)), p);
+            // Beyond the radius, the cells may hold one and miss a nearer one.
+            if near.is_some_and(|(_, distance)| distance <= radius) {
+                return near;
+            }
+            radius *= 2.0;
+        }
+        self.nearest_among((0..self.flat.len()).filter(|k| accept(*k)), p)
+    }
+
+    fn nearest_among(&self, points: impl Iterator<Item = usize>, p: Point2<f64>) -> Option<(usize, f64)> {
         let mut best: Option<(usize, f64)> = None;
         for k in points {
             let distance = (self.flat[k] - p).norm();

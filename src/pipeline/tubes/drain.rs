@@ -39,11 +39,17 @@ pub struct Drain<'a> {
 }
 
 impl<'a> Drain<'a> {
-    /// The one that flows off at a tip; `lengths`: of the ways from there to the cells.
+    /// The one that flows off at a tip; `lengths`: of the ways from there to the cells. `held`: cells at forks and the value that
+    /// they are to have, so that one level set is where all that meet there do.
     ///
     /// # Errors
     /// When it is cancelled.
-    pub fn at_tip(cells: &'a Cells, lengths: &[f32], cancel: &dyn Cancel) -> Result<Self, Cancelled> {
+    pub fn at_tip(
+        cells: &'a Cells,
+        lengths: &[f32],
+        held: &[(usize, f64)],
+        cancel: &dyn Cancel,
+    ) -> Result<Self, Cancelled> {
         let mut order: Vec<usize> = (0..cells.len()).collect();
         order.sort_by(|&a, &b| lengths[a].total_cmp(&lengths[b]));
         // Up to where it has gone as many radii as the way there is deep.
@@ -57,11 +63,15 @@ impl<'a> Drain<'a> {
         }
         let sink = (DRAINED * cells.edge / reach.max(cells.edge)).powi(2);
         let is_drain = |cell: usize| f64::from(lengths[cell]) <= reach;
-        let sinks: Vec<f64> =
+        let mut sinks: Vec<f64> =
             (0..cells.len()).map(|cell| if is_drain(cell) { sink * cells.shares[cell] } else { 0.0 }).collect();
         // In units in which values are neither large nor small.
         let whole: f64 = cells.shares.iter().sum();
-        let sources: Vec<f64> = cells.shares.iter().map(|share| share / whole).collect();
+        let mut sources: Vec<f64> = cells.shares.iter().map(|share| share / whole).collect();
+        for (cell, value) in held {
+            sinks[*cell] += HELD;
+            sources[*cell] += HELD * value;
+        }
         Self::solved(cells, &sinks, &sources, cancel)
     }
 

@@ -107,15 +107,16 @@ impl Tubes {
     }
 }
 
-/// The tubes of a solid; `None` when it is none. Warnings name figures by their numbers.
+/// The ways to take a solid as tubes: none when it is none, and two of a tree: whose branches meet in one section, where forks
+/// are regular, or each where its own sections begin. Warnings name figures by their numbers.
 ///
 /// # Errors
 /// When it is cancelled.
-pub fn tubes(solid: &Solid, context: &Context<'_>) -> Result<Option<Tubes>, Cancelled> {
+pub fn tubes(solid: &Solid, context: &Context<'_>) -> Result<Vec<Tubes>, Cancelled> {
     let (solid, depth) = &solid.with_volume_of_mask(context)?;
     let cells = Cells::of(solid, depth, context)?;
     if cells.len() < 2 {
-        return Ok(None);
+        return Ok(Vec::new());
     }
     let graph = cells.graph(context)?;
     let tips = Tips::of(&cells, &graph, solid, context)?;
@@ -125,17 +126,75 @@ pub fn tubes(solid: &Solid, context: &Context<'_>) -> Result<Option<Tubes>, Canc
     if is_ring(&branches)
         && let Some(tubes) = ring(solid, depth, &cells, context)?
     {
-        return Ok(Some(tubes));
+        return Ok(vec![tubes]);
     }
     if branches.len() > MOST_BRANCHES {
-        return Ok(None);
+        return Ok(Vec::new());
     }
-    let drain = Drain::at_tip(&cells, &lengths, context)?;
+    let drain = Drain::at_tip(&cells, &lengths, &[], context)?;
     context.advance(0.5);
-    let skin = Skin::of(solid.skin_mesh(depth.voxels_per_unit, context)?, &drain, context)?;
-    let mut tree = Tree { solid, depth, cells: &cells, drain: &drain, skin, branches, branch_of: Vec::new() };
+    let mut ways = Vec::new();
+    if branches.len() > 1 {
+        let held = held_at_forks(&cells, &branches, &drain);
+        let held = Drain::at_tip(&cells, &lengths, &held, context)?;
+        ways.extend(laid((solid, depth), (&held, true), branches.clone(), tips.is_round, context)?);
+    }
+    ways.extend(laid((solid, depth), (&drain, false), branches, tips.is_round, context)?);
+    Ok(ways)
+}
+
+/// The tubes whose sections are the level sets of a function, with one of them where branches meet if it `is_level` there.
+fn laid(
+    (solid, depth): (&Solid, &Depth),
+    (drain, is_level): (&Drain<'_>, bool),
+    branches: Vec<Branch>,
+    is_round: bool,
+    context: &Context<'_>,
+) -> Result<Option<Tubes>, Cancelled> {
+    let skin = Skin::of(solid.skin_mesh(depth.voxels_per_unit, context)?, drain, context)?;
+    let mut tree = Tree { solid, depth, cells: drain.cells, drain, is_level, skin, branches, branch_of: Vec::new() };
     let Some(lines) = tree.settled_lines(context)? else { return Ok(None) };
-    tree.tubes(&lines, tips.is_round, context)
+    tree.tubes(&lines, is_round, context)
+}
+
+/// The cells on either side of every fork, each with the mean that a function has on that side: held to it, the function has one
+/// level set between them where branches meet, and none of the solid lies between the last section of one and the first of the next.
+fn held_at_forks(cells: &Cells, branches: &[Branch], drain: &Drain<'_>) -> Vec<(usize, f64)> {
+    let mut branch_of = vec![0; cells.len()];
+    for (number, branch) in branches.iter().enumerate() {
+        for &cell in &branch.cells {
+            branch_of[cell] = number;
+        }
+    }
+    // The fork at the beginning and at the end of each branch: that which it shares with those before, or after.
+    let mut fork_of: Vec<[usize; 2]> = (0..branches.len()).map(|number| [2 * number, 2 * number + 1]).collect();
+    for (number, branch) in branches.iter().enumerate() {
+        for &before in &branch.before {
+            let [one, other] = [fork_of[before][1], fork_of[number][0]];
+            for fork in fork_of.iter_mut().flatten() {
+                *fork = if *fork == other { one } else { *fork };
+            }
+        }
+    }
+    // The cells on this side of each fork, and on the far side.
+    let mut beside: Vec<[BTreeSet<usize>; 2]> = vec![Default::default(); 2 * branches.len()];
+    for (number, branch) in branches.iter().enumerate() {
+        let fork = fork_of[number][0];
+        for &cell in &branch.cells {
+            cells.near(cells.places[cell], 1, |next| {
+                if branch.before.contains(&branch_of[next]) {
+                    beside[fork][0].insert(next);
+                    beside[fork][1].insert(cell);
+                }
+            });
+        }
+    }
+    let mut held = Vec::new();
+    for side in beside.into_iter().flatten().filter(|side| !side.is_empty()) {
+        let value = side.iter().map(|&cell| drain.values[cell]).sum::<f64>() / side.len() as f64;
+        held.extend(side.into_iter().map(|cell| (cell, value)));
+    }
+    held
 }
 
 /// A solid with its branches.
@@ -144,6 +203,8 @@ struct Tree<'a> {
     depth: &'a Depth,
     cells: &'a Cells,
     drain: &'a Drain<'a>,
+    /// Whether the function has one level set where branches meet.
+    is_level: bool,
     skin: Skin,
     branches: Vec<Branch>,
     /// The branch of every cell.
@@ -234,7 +295,8 @@ impl Tree<'_> {
         for &cell in &self.branches[number].cells {
             self.cells.near(self.cells.places[cell], 1, |next| {
                 if others.contains(&self.branch_of[next]) {
-                    let value = self.drain.values[next];
+                    let [own, next] = [cell, next].map(|cell| self.drain.values[cell]);
+                    let value = if self.is_level { (own + next) / 2.0 } else { next };
                     limit = Some(limit.map_or(value, |limit| beyond(limit, value)));
                 }
             });

@@ -24,6 +24,7 @@ const BUMP: f64 = 1.0;
 const REACH: f64 = 1.2;
 
 /// A branch.
+#[derive(Clone)]
 pub struct Branch {
     /// Its cells, ascending.
     pub cells: Vec<usize>,

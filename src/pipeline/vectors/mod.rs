@@ -69,7 +69,7 @@ pub fn vectors(
         Laid::Anchored { whole, chart, lattice } => {
             let points = &whole.points;
             let map = SpaceFromPlane::new(&points.flat, &points.positions, &points.radii).over_holes();
-            let laying = Laying { body: Body { solid, depth, map }, sheet, share, chart: &chart, context };
+            let laying = Laying { body: Body::new(solid, depth, map), sheet, share, chart: &chart, context };
             laying.finest_sound(lattice)
         }
         Laid::Paper(lattices) => {

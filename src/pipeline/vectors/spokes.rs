@@ -6,8 +6,11 @@
 
 use nalgebra::{Point2, Point3, Vector3};
 
+use std::sync::OnceLock;
+
 use super::spoked_lattice::{Surroundings, longest, reach};
 use crate::cancel::{Cancel, Cancelled};
+use crate::numerics::points::Points;
 use crate::pipeline::lattice::map::{Node, SpaceFromPlane};
 use crate::pipeline::sides::SheetSides;
 use crate::pipeline::solid::Solid;
@@ -25,6 +28,16 @@ pub struct Body<'a> {
     pub depth: &'a Depth,
     /// The sheet.
     pub map: SpaceFromPlane<'a>,
+    /// The skin, to be searched: made when the first spoke misses its foot.
+    skin: OnceLock<Points>,
+}
+
+impl<'a> Body<'a> {
+    /// A sheet in its solid.
+    #[must_use]
+    pub fn new(solid: &'a Solid, depth: &'a Depth, map: SpaceFromPlane<'a>) -> Self {
+        Self { solid, depth, map, skin: OnceLock::new() }
+    }
 }
 
 impl Surroundings for Body<'_> {
@@ -67,14 +80,7 @@ impl Surroundings for Body<'_> {
 impl Body<'_> {
     /// The point of the sheet nearest to a place in the plane that lies inside of the solid.
     fn point_inside(&self, place: Point2<f64>) -> Option<Point3<f64>> {
-        let mut nearest = (f64::INFINITY, None);
-        for (flat, position) in self.map.points() {
-            let gap = (flat - place).norm_squared();
-            if gap < nearest.0 && self.solid.level.at(position) > 0.0 {
-                nearest = (gap, Some(position));
-            }
-        }
-        nearest.1
+        self.map.nearest_where(place, |position| self.solid.level.at(position) > 0.0)
     }
 
     /// Unit directions of the upper and of the lower spokes of nodes. `hand`: that of [`upper_sign`].
@@ -132,15 +138,14 @@ impl Body<'_> {
         if !self.misses(node, direction) {
             return direction;
         }
-        let (mut foot, mut least) = (Vector3::zeros(), f64::INFINITY);
-        for skin in &self.depth.skin {
-            let way = skin.position - node.position;
-            let is_own = way.dot(&side) > 0.0 && way.dot(&beyond) <= OTHER * way.norm();
-            if is_own && way.norm_squared() < least {
-                (foot, least) = (way, way.norm_squared());
-            }
-        }
-        foot.try_normalize(1e-9).unwrap_or(direction)
+        let skin =
+            self.skin.get_or_init(|| Points::new(&self.depth.skin.iter().map(|s| s.position).collect::<Vec<_>>()));
+        let is_own = |_: usize, place: &Point3<f64>| {
+            let way = place - node.position;
+            way.dot(&side) > 0.0 && way.dot(&beyond) <= OTHER * way.norm()
+        };
+        let foot = skin.nearest_where(node.position, is_own).map(|foot| self.depth.skin[foot].position - node.position);
+        foot.and_then(|foot| foot.try_normalize(1e-9)).unwrap_or(direction)
     }
 }
 
