@@ -7,14 +7,13 @@
 
 use super::PipelineError;
 use super::context::Context;
-use super::draft::AnyDraft;
 use super::medial::MedialSurface;
 use super::solid::Solid;
 use super::solid::depth::Depth;
 use super::soundness::Soundness;
 use super::stages::{Figures, sheet_figures};
-use super::tubes::{TubeDraft, Tubes, tubes};
-use crate::cancel::{Cancel, Cancelled};
+use super::tubes::{Tubes, tubes};
+use crate::cancel::Cancelled;
 use crate::model::{KindEvidence, Refusal, Stage};
 use crate::numerics::stats::mean;
 use crate::params::{Correspondence, LatticeKind};
@@ -45,14 +44,10 @@ const THIN_FLATNESS: f64 = 2.0;
 pub(super) struct Chosen {
     /// Those that stand best for it.
     pub figures: Figures,
+    /// How well.
+    pub soundness: Soundness,
     /// The tubes that were not taken, where there are.
     pub tubes: Option<Tubes>,
-}
-
-impl From<Figures> for Chosen {
-    fn from(figures: Figures) -> Self {
-        Self { figures, tubes: None }
-    }
 }
 
 /// The figures of a solid.
@@ -67,11 +62,13 @@ pub(super) fn figures(
 ) -> Result<Chosen, PipelineError> {
     let kinds = context.params.kinds;
     if !kinds.may_be_tubes() {
-        return sheet_figures(solid, depth, surface, context).map(Chosen::from);
+        let figures = sheet_figures(solid, depth, surface, context)?;
+        let soundness = Soundness::of(solid, &figures.drafts(), context)?;
+        return Ok(Chosen { figures, soundness, tubes: None });
     }
     if !kinds.may_be_sheets() {
         let tubes = as_tubes(solid, context)?.ok_or(Refusal::NoTube)?;
-        return Ok(Figures::Tubes(tubes).into());
+        return Ok(tubes.chosen());
     }
     let attempt = context.apart();
     let outcome = sheet_figures(solid, depth, surface, &attempt);
@@ -81,13 +78,13 @@ pub(super) fn figures(
             let other = context.apart();
             let mut tubes = as_tubes(solid, &other)?;
             if let Some(found) = &tubes
-                && !stand_for(found, &refusal, solid, context)?
+                && !found.stand_for(&refusal)
             {
                 tubes = None;
             }
             context.take_in(attempt.into_notes().without_warnings(), None);
             context.take_in(other.into_notes(), None);
-            return tubes.map(|tubes| Figures::Tubes(tubes).into()).ok_or_else(|| refusal.into());
+            return tubes.map(AsTubes::chosen).ok_or_else(|| refusal.into());
         }
         Err(stop) => return Err(stop),
     };
@@ -96,33 +93,39 @@ pub(super) fn figures(
     let is_paper = params.correspondence == Correspondence::Paper || params.lattice == LatticeKind::Regular;
     if is_paper || (sheets.soundness.is_sound() && !sheets.may_be_of_tube()) {
         context.take_in(attempt.into_notes(), None);
-        return Ok(sheets.figures.into());
+        return Ok(sheets.chosen(None));
     }
     let other = context.apart();
     match as_tubes(solid, &other)? {
-        Some(tubes) if sheets.yield_to(&tubes, solid, context)? => {
+        Some(tubes) if sheets.yield_to(&tubes) => {
             context.take_in(attempt.into_notes().without_warnings(), None);
             context.take_in(other.into_notes(), None);
-            Ok(Figures::Tubes(sheets.told_by(tubes)).into())
+            Ok(sheets.told_by(tubes).chosen())
         }
         tubes => {
             context.take_in(attempt.into_notes(), None);
             context.take_in(other.into_notes().without_warnings(), None);
-            Ok(Chosen { figures: sheets.figures, tubes })
+            Ok(sheets.chosen(tubes.map(|other| other.tubes)))
         }
     }
 }
 
+/// A solid as tubes.
+struct AsTubes {
+    tubes: Tubes,
+    soundness: Soundness,
+}
+
 /// A solid as tubes, in the better of the ways that there are.
-fn as_tubes(solid: &Solid, context: &Context<'_>) -> Result<Option<Tubes>, Cancelled> {
-    let mut best: Option<(Soundness, Tubes)> = None;
-    for way in context.stage(Stage::Lattice, || tubes(solid, context))? {
-        let soundness = Soundness::of_tubes(solid, &way, context)?;
-        if best.as_ref().is_none_or(|best| soundness.is_better_than(best.0)) {
-            best = Some((soundness, way));
+fn as_tubes(solid: &Solid, context: &Context<'_>) -> Result<Option<AsTubes>, Cancelled> {
+    let mut best: Option<AsTubes> = None;
+    for tubes in context.stage(Stage::Lattice, || tubes(solid, context))? {
+        let soundness = Soundness::of_tubes(solid, &tubes, context)?;
+        if best.as_ref().is_none_or(|best| soundness.is_better_than(best.soundness)) {
+            best = Some(AsTubes { tubes, soundness });
         }
     }
-    Ok(best.map(|best| best.1))
+    Ok(best)
 }
 
 /// Whether what has no sheets may be a tube.
@@ -137,18 +140,22 @@ fn may_be_tube(refusal: &Refusal) -> bool {
     )
 }
 
-/// Whether tubes stand for what has no sheets. A solid with holes may be a ring of round sections; of flat ones it is a
-/// sheet that has to be cut, and what it is cut into here would have no thickness. What is too thin for sheets is a tube only
-/// if that is not flat either and spoils few nodes.
-fn stand_for(tubes: &Tubes, refusal: &Refusal, solid: &Solid, cancel: &dyn Cancel) -> Result<bool, Cancelled> {
-    let is_round = |tube: &TubeDraft| tube.flatness <= ROUND_BRANCH && AnyDraft::Tube(tube).is_legal();
-    match refusal {
-        Refusal::SheetHasHoles { .. } => Ok(tubes.drafts.iter().all(is_round)),
-        Refusal::TooThin { .. } => {
-            let is_flat = tubes.drafts.iter().any(|tube| tube.flatness > THIN_FLATNESS);
-            Ok(!is_flat && Soundness::of_tubes(solid, tubes, cancel)?.spoils_few())
+impl AsTubes {
+    /// As what is chosen.
+    fn chosen(self) -> Chosen {
+        Chosen { figures: Figures::Tubes(self.tubes), soundness: self.soundness, tubes: None }
+    }
+
+    /// Whether they stand for what has no sheets. A solid with holes may be a ring of round sections; of flat ones it is a sheet
+    /// that has to be cut, and what it is cut into here would have no thickness. What is too thin for sheets is a tube only if
+    /// that is not flat either and spoils few nodes.
+    fn stand_for(&self, refusal: &Refusal) -> bool {
+        let flattest = self.tubes.drafts.iter().map(|tube| tube.flatness).fold(0.0, f64::max);
+        match refusal {
+            Refusal::SheetHasHoles { .. } => flattest <= ROUND_BRANCH && self.soundness.is_legal,
+            Refusal::TooThin { .. } => flattest <= THIN_FLATNESS && self.soundness.spoils_few(),
+            _ => true,
         }
-        _ => Ok(true),
     }
 }
 
@@ -182,23 +189,22 @@ impl Sheets {
     }
 
     /// Whether tubes stand better for the part than they do.
-    fn yield_to(&self, tubes: &Tubes, solid: &Solid, context: &Context<'_>) -> Result<bool, Cancelled> {
-        let of_tubes = Soundness::of_tubes(solid, tubes, context)?;
-        if !of_tubes.is_legal {
-            return Ok(false);
+    fn yield_to(&self, other: &AsTubes) -> bool {
+        if !other.soundness.is_legal {
+            return false;
         }
         if self.soundness.is_sound() {
-            let [tube] = &tubes.drafts[..] else { return Ok(false) };
+            let [tube] = &other.tubes.drafts[..] else { return false };
             let elongation = tube.choices.kind.map_or(0.0, |evidence| evidence.elongation);
             let is_long = tube.flatness <= ROUND && elongation >= LONG;
-            return Ok(is_long || (self.width_in_radii <= NARROW && tube.flatness <= NEARLY_ROUND));
+            return is_long || (self.width_in_radii <= NARROW && tube.flatness <= NEARLY_ROUND);
         }
-        Ok(of_tubes.overlap > self.soundness.overlap)
+        other.soundness.overlap > self.soundness.overlap
     }
 
     /// The tubes with what spoke against them.
-    fn told_by(&self, mut tubes: Tubes) -> Tubes {
-        for tube in &mut tubes.drafts {
+    fn told_by(&self, mut other: AsTubes) -> AsTubes {
+        for tube in &mut other.tubes.drafts {
             let evidence = KindEvidence {
                 width_in_radii: Some(self.width_in_radii),
                 sheet_overlap: Some(self.soundness.overlap),
@@ -206,6 +212,11 @@ impl Sheets {
             };
             tube.choices.kind = Some(evidence);
         }
-        tubes
+        other
+    }
+
+    /// As what is chosen; `tubes`: those that were not.
+    fn chosen(self, tubes: Option<Tubes>) -> Chosen {
+        Chosen { figures: self.figures, soundness: self.soundness, tubes }
     }
 }

@@ -135,7 +135,7 @@ impl Divider<'_> {
             Err(PipelineError::Refused(refusal)) => return self.cut_instead(solid, refusal, place),
             Err(stop) => return Err(stop),
         };
-        let Chosen { figures, tubes } = chosen;
+        let Chosen { figures, soundness, tubes } = chosen;
         let mut others = vec![without_unsound(&figures)];
         others.extend(tubes.map(|tubes| {
             let tubes = Figures::Tubes(tubes);
@@ -147,12 +147,15 @@ impl Divider<'_> {
             figures,
             warnings: notes.warnings.clone(),
         };
-        let mut best = self.with_remainders(solid, vec![group(figures)], place)?;
+        let mut best = self.with_remainders(solid, vec![group(figures)], Some(soundness), place)?;
         if best.soundness.is_sound() || place.level >= self.most_levels {
             return Ok(best);
         }
         for figures in others.into_iter().flatten() {
-            let other = self.with_remainders(solid, vec![group(figures)], place)?;
+            if best.soundness.is_sound() {
+                return Ok(best);
+            }
+            let other = self.with_remainders(solid, vec![group(figures)], None, place)?;
             best = better(best, other);
         }
         if !best.soundness.is_sound()
@@ -192,17 +195,29 @@ impl Divider<'_> {
         for marked in halves(solid, self.least, self.context)? {
             self.add_portion(solid, &marked, &mut groups, place)?;
         }
-        if groups.is_empty() { Ok(None) } else { self.with_remainders(solid, groups, place).map(Some) }
+        if groups.is_empty() { Ok(None) } else { self.with_remainders(solid, groups, None, place).map(Some) }
     }
 
-    /// Groups of figures with those of what they leave over.
-    fn with_remainders(&self, solid: &Solid, mut groups: Vec<Group>, place: Place) -> Result<Way, Cancelled> {
-        if place.level < self.most_levels && self.portions.get() > 0 {
+    /// Groups of figures with those of what they leave over. `known`: how well they stand for the solid without.
+    fn with_remainders(
+        &self,
+        solid: &Solid,
+        mut groups: Vec<Group>,
+        known: Option<Soundness>,
+        place: Place,
+    ) -> Result<Way, Cancelled> {
+        let before = groups.len();
+        let is_legal = drafts(&groups).into_iter().all(AnyDraft::is_legal);
+        // Where vectors cross, what is left over does not help.
+        if is_legal && place.level < self.most_levels && self.portions.get() > 0 {
             for marked in remainders(solid, &drafts(&groups), self.least, self.context)? {
                 self.add_portion(solid, &marked, &mut groups, place)?;
             }
         }
-        let soundness = Soundness::of(solid, &drafts(&groups), self.context)?;
+        let soundness = match known {
+            Some(soundness) if groups.len() == before => soundness,
+            _ => Soundness::of(solid, &drafts(&groups), self.context)?,
+        };
         Ok(Way { groups, soundness })
     }
 
