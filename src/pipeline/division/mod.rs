@@ -35,7 +35,7 @@ use crate::model::{Refusal, Stage, Warning};
 use crate::params::{Correspondence, LatticeKind, Prune};
 use crate::space::Grid;
 
-/// Share of a part's volume from which a portion has figures of its own, unless `prune` says what a sheet must account for.
+/// Share of a part's volume from which a portion has figures of its own, or as much more as `prune` says that a sheet must account for.
 const LEAST_SHARE: f64 = 0.02;
 /// The same in cubic grains: the smallest ribs that have a tube have 140.
 const LEAST_VOLUME: f64 = 60.0;
@@ -79,7 +79,7 @@ pub(super) fn divided(
     let voxels = solid.inside.as_slice().iter().filter(|is_in| **is_in).count() as f64;
     let share = match params.prune {
         Prune::Auto => LEAST_SHARE,
-        Prune::Strength(_) => loss_needed(params.prune),
+        Prune::Strength(_) => loss_needed(params.prune).max(LEAST_SHARE),
     };
     let least = (share * voxels).max(LEAST_VOLUME * solid.voxels_per_grain.powi(3));
     // The paper's own pairing and its own lattice are there to be looked at as they are.
