@@ -54,12 +54,16 @@ pub struct Automatic {
 pub struct KindEvidence {
     /// Width of the main medial sheet over its mean radius; none where it has no lattice.
     pub width_in_radii: Option<f64>,
-    /// Median over sections of the radius of the circle of their area over the inscribed radius: 1 is round.
-    pub flatness: f64,
+    /// Median over sections of the radius of the circle of their area over the inscribed radius: 1 is round. None, as the next
+    /// two, where no tube was tried.
+    pub flatness: Option<f64>,
     /// Share of the sections with several wall curves.
-    pub split_share: f64,
+    pub split_share: Option<f64>,
     /// Length over twice the median radius.
-    pub elongation: f64,
+    pub elongation: Option<f64>,
     /// Dice of what the sheets fill with the mask; none where there are none.
     pub sheet_overlap: Option<f64>,
+    /// Dice of what the tubes fill; none where none was tried.
+    #[serde(default)]
+    pub tube_overlap: Option<f64>,
 }

@@ -105,7 +105,7 @@ pub(super) fn figures(
         tubes => {
             context.take_in(attempt.into_notes(), None);
             context.take_in(other.into_notes().without_warnings(), None);
-            Ok(sheets.chosen(tubes.map(|other| other.tubes)))
+            Ok(sheets.chosen(tubes))
         }
     }
 }
@@ -143,7 +143,12 @@ fn may_be_tube(refusal: &Refusal) -> bool {
 impl AsTubes {
     /// As what is chosen.
     fn chosen(self) -> Chosen {
-        Chosen { figures: Figures::Tubes(self.tubes), soundness: self.soundness, tubes: None }
+        let mut tubes = self.tubes;
+        for tube in &mut tubes.drafts {
+            let evidence = tube.choices.kind.unwrap_or_default();
+            tube.choices.kind = Some(KindEvidence { tube_overlap: Some(self.soundness.overlap), ..evidence });
+        }
+        Chosen { figures: Figures::Tubes(tubes), soundness: self.soundness, tubes: None }
     }
 
     /// Whether they stand for what has no sheets. A solid with holes may be a ring of round sections; of flat ones it is a sheet
@@ -195,7 +200,7 @@ impl Sheets {
         }
         if self.soundness.is_sound() {
             let [tube] = &other.tubes.drafts[..] else { return false };
-            let elongation = tube.choices.kind.map_or(0.0, |evidence| evidence.elongation);
+            let elongation = tube.choices.kind.and_then(|evidence| evidence.elongation).unwrap_or(0.0);
             let is_long = tube.flatness <= ROUND && elongation >= LONG;
             return is_long || (self.width_in_radii <= NARROW && tube.flatness <= NEARLY_ROUND);
         }
@@ -215,8 +220,21 @@ impl Sheets {
         other
     }
 
-    /// As what is chosen; `tubes`: those that were not.
-    fn chosen(self, tubes: Option<Tubes>) -> Chosen {
-        Chosen { figures: self.figures, soundness: self.soundness, tubes }
+    /// As what is chosen, each told what spoke for it; `other`: the tubes that were not.
+    fn chosen(self, other: Option<AsTubes>) -> Chosen {
+        let of_tubes = other.as_ref().and_then(|other| other.tubes.drafts.first()?.choices.kind);
+        let evidence = KindEvidence {
+            width_in_radii: Some(self.width_in_radii),
+            sheet_overlap: Some(self.soundness.overlap),
+            tube_overlap: other.as_ref().map(|other| other.soundness.overlap),
+            ..of_tubes.unwrap_or_default()
+        };
+        let mut figures = self.figures;
+        if let Figures::Sheets { drafts, .. } = &mut figures {
+            for draft in drafts.iter_mut().flatten() {
+                draft.choices.kind = Some(evidence);
+            }
+        }
+        Chosen { figures, soundness: self.soundness, tubes: other.map(|other| other.tubes) }
     }
 }

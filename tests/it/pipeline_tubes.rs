@@ -210,7 +210,14 @@ fn kinds_are_kept_to() {
     assert!(structure(&slab).figures[0].as_sheet().is_some(), "a slab is a sheet");
     let asked = run_with(&slab, r#"{"kinds": ["tube"]}"#).expect("a flat tube");
     let evidence = tube(&asked.structures[0]).automatic.kind.expect("told");
-    assert!(evidence.flatness > 1.5, "flatness {:.2}", evidence.flatness);
+    assert!(evidence.flatness.is_some_and(|flatness| flatness > 1.5), "{evidence:?}");
+    let slab = structure(&slab);
+    let evidence = slab.figures[0].as_sheet().expect("a sheet").automatic.kind.expect("told");
+    assert!(evidence.width_in_radii.is_some_and(|width| width > 4.0), "{evidence:?}");
+    assert!(
+        evidence.sheet_overlap.is_some_and(|overlap| overlap > 0.95) && evidence.tube_overlap.is_none(),
+        "{evidence:?}"
+    );
 }
 
 /// A trunk of radius 6 that forks in two of radius 5, in the plane z = 0.

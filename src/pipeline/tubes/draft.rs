@@ -74,10 +74,11 @@ pub(super) fn draft(
     let flatness = flatness(&nodes, &radii);
     let evidence = KindEvidence {
         width_in_radii: None,
-        flatness,
-        split_share: several as f64 / between.max(1) as f64,
-        elongation: line.length() / (2.0 * radius),
+        flatness: Some(flatness),
+        split_share: Some(several as f64 / between.max(1) as f64),
+        elongation: Some(line.length() / (2.0 * radius)),
         sheet_overlap: None,
+        tube_overlap: None,
     };
     let choices = Automatic {
         kind: Some(evidence),

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::super::rounded::{Rounded, optional, triple};
 use super::surfaces::Surfaces;
-use crate::model::{FrameFacts, Sheet, Structure, Uncertainty};
+use crate::model::{FrameFacts, KindEvidence, Sheet, Structure, Uncertainty};
 
 /// `frame` of a sheet.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -43,6 +43,32 @@ pub struct AutomaticDoc {
     pub neighbors: NeighborsDoc,
     pub landmarks: LandmarksDoc,
     pub grid: AutomaticGridDoc,
+    pub kind: Option<KindDoc>,
+}
+
+/// What speaks for the kind of a figure.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs, reason = "fields are those of KindEvidence")]
+pub struct KindDoc {
+    pub width_in_radii: Option<Rounded>,
+    pub flatness: Option<Rounded>,
+    pub split_share: Option<Rounded>,
+    pub elongation: Option<Rounded>,
+    pub sheet_overlap: Option<Rounded>,
+    pub tube_overlap: Option<Rounded>,
+}
+
+impl From<KindEvidence> for KindDoc {
+    fn from(evidence: KindEvidence) -> Self {
+        Self {
+            width_in_radii: evidence.width_in_radii.map(Rounded),
+            flatness: evidence.flatness.map(Rounded),
+            split_share: evidence.split_share.map(Rounded),
+            elongation: evidence.elongation.map(Rounded),
+            sheet_overlap: evidence.sheet_overlap.map(Rounded),
+            tube_overlap: evidence.tube_overlap.map(Rounded),
+        }
+    }
 }
 
 /// The neighbourhood.
@@ -95,6 +121,7 @@ impl From<&Sheet> for AutomaticDoc {
                 length_mm: Rounded(facts.length_mm),
                 width_mm: Rounded(facts.width_mm),
             },
+            kind: facts.kind.map(KindDoc::from),
         }
     }
 }

@@ -3,10 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use super::super::rounded::{Rounded, numbers, optional, pairs, triple, triples};
-use super::evidence::FrameDoc;
+use super::evidence::{FrameDoc, KindDoc};
 use super::figure::{GridDoc, LengthDoc, displacements};
 use super::quality::FigureQualityDoc;
-use crate::model::{KindEvidence, NodeRepair, Tube, TubeSection, TubeSummary, WallSummary, WallUncertainty};
+use crate::model::{NodeRepair, Tube, TubeSection, TubeSummary, WallSummary, WallUncertainty};
 
 /// A centreline and its wall. Lists of nodes hold rows · cols entries, row-major: rows around, cols along.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -114,29 +114,6 @@ pub struct SectionsDoc {
 pub struct TubeAutomaticDoc {
     pub grid: TubeGridDoc,
     pub kind: Option<KindDoc>,
-}
-
-/// What speaks for the kind of a figure.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[allow(missing_docs, reason = "fields are those of KindEvidence")]
-pub struct KindDoc {
-    pub width_in_radii: Option<Rounded>,
-    pub flatness: Rounded,
-    pub split_share: Rounded,
-    pub elongation: Rounded,
-    pub sheet_overlap: Option<Rounded>,
-}
-
-impl From<KindEvidence> for KindDoc {
-    fn from(evidence: KindEvidence) -> Self {
-        Self {
-            width_in_radii: evidence.width_in_radii.map(Rounded),
-            flatness: Rounded(evidence.flatness),
-            split_share: Rounded(evidence.split_share),
-            elongation: Rounded(evidence.elongation),
-            sheet_overlap: evidence.sheet_overlap.map(Rounded),
-        }
-    }
 }
 
 /// The size of the lattice, and what it follows from.
