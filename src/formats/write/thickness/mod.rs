@@ -27,7 +27,7 @@ use crate::model::{Junction, Model, Refusal, Stage, StageTimings, Structure, War
 pub use super::ordered::Ordered as Named;
 pub use super::rounded::Rounded as Number;
 pub use evidence::{
-    AutomaticDoc, AutomaticGridDoc, FrameDoc, LandmarksDoc, NeighborsDoc, PruningDoc, StructureAutomaticDoc,
+    AutomaticDoc, AutomaticGridDoc, FrameDoc, KindDoc, LandmarksDoc, NeighborsDoc, PruningDoc, StructureAutomaticDoc,
     UncertaintyDoc,
 };
 pub use figure::{FigureDoc, GridDoc, LengthDoc, SheetDoc, SheetKind, Sides, SummaryDoc, ThicknessDoc};
@@ -37,8 +37,8 @@ pub use quality::{
 };
 pub use surfaces::Surfaces;
 pub use tube::{
-    CapsDoc, KindDoc, SectionsDoc, TubeAutomaticDoc, TubeDoc, TubeGridDoc, TubeKind, TubeSummaryDoc, WallDoc,
-    WallSummaryDoc, WallThicknessDoc, WallUncertaintyDoc,
+    CapsDoc, SectionsDoc, TubeAutomaticDoc, TubeDoc, TubeGridDoc, TubeKind, TubeSummaryDoc, WallDoc, WallSummaryDoc,
+    WallThicknessDoc, WallUncertaintyDoc,
 };
 
 /// Name and version of the schema.
