@@ -158,7 +158,7 @@ fn a_result_says_what_it_rests_on() {
     assert_eq!((&figure["frame"]["ambiguous"], &figure["frame"]["aspect"]), (&json!(true), &json!(1.25)));
     assert_eq!(figure["frame"]["reason"], "the sheet is nearly square");
     let automatic = &figure["automatic"];
-    assert_eq!(keys(automatic), ["neighbors", "landmarks", "grid"]);
+    assert_eq!(keys(automatic), ["neighbors", "landmarks", "grid", "kind"]);
     assert_eq!(keys(&automatic["neighbors"]), ["chosen", "radius_mm", "graph_pieces"]);
     assert_eq!(keys(&automatic["landmarks"]), ["chosen", "of_points", "residual_variance"]);
     let grid = json!({"rows": 6, "cols": 8, "from": "asked", "length_mm": 35.0, "width_mm": 25.0});
