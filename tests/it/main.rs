@@ -59,6 +59,8 @@ mod pipeline_anchored;
 mod pipeline_auto;
 mod pipeline_cut;
 
+mod pipeline_bowls;
+
 mod pipeline_grain;
 
 mod pipeline_kept;
