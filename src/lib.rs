@@ -63,7 +63,8 @@
 //!   paper's thickness. *Medial radius*: that of the largest ball inside the object at a medial node.
 //! - *Embedding*: a surface laid flat (ISOMAP, LLE, Laplacian eigenmaps). *Geodesic*: the shortest way along a
 //!   surface. *Residual variance*: what part of the geodesic distances the plane does not tell (Tenenbaum et al.).
-//!   *Turned over*: of a part of a surface whose plane shows its back.
+//!   *Turned over*: of a part of a surface whose plane shows its back. *Unrolled*: of a bowl that was laid flat by an
+//!   injective map of its mesh, since ISOMAP cannot.
 //! - *Lattice*: the grid of nodes over a flattened sheet, `rows` across and `cols` along. *Ring*: the nodes round its
 //!   edge. *Cell*: what a medial quad and its surface quad enclose; *wedge*: the same at the crest. A *fold* is a
 //!   corner of a cell that is turned inside out: there vectors cross.

@@ -48,7 +48,7 @@ pub use meshes::{SurfaceMesh, TriangleMesh, normals};
 pub use patches::Patches;
 pub use quality::{
     Coverage, DistanceSummary, Distortion, EmbeddingQuality, FigureQuality, Kept, LatticePlace, MeanAndP95, NodeRepair,
-    Reason, Repair, StructureQuality, Threshold, Verdict, WorldPlace,
+    Reason, Repair, Stretch, StructureQuality, Threshold, Verdict, WorldPlace,
 };
 pub use refusal::{Refusal, SHAPE_CODES};
 pub(crate) use shell::{EdgeStep, quad_area};

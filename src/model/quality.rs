@@ -174,6 +174,22 @@ pub struct EmbeddingQuality {
     pub turned_over: Option<f64>,
     /// Mean change of the angles of small triangles, degrees; `None` where nothing can be judged.
     pub angle_error_deg: Option<f64>,
+    /// How a plane stretches that is an injective map of the surface's mesh; `None` of one that is the embedding's own.
+    /// The residual variance is that of the embedding in either case.
+    #[serde(default)]
+    pub unrolled: Option<Stretch>,
+}
+
+/// How much lengths differ between a surface and a plane that it was unrolled to.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Stretch {
+    /// Mean over the area of (s² + s⁻² + t² + t⁻²) / 4, where s and t are the stretches of a small triangle in the two
+    /// directions in which they are largest and smallest: 1 where all lengths are kept.
+    pub energy: f64,
+    /// The smallest stretch, plane over surface, but for a fiftieth of the area.
+    pub least: f64,
+    /// The largest stretch, but for a fiftieth of the area.
+    pub most: f64,
 }
 
 /// How good one figure is.

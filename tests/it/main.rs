@@ -62,6 +62,8 @@ mod pipeline_auto;
 mod pipeline_cut;
 mod pipeline_division;
 
+mod pipeline_bowls;
+
 mod pipeline_grain;
 
 mod pipeline_kept;

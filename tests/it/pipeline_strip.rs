@@ -1,7 +1,8 @@
 //! Tails: strips of a sheet that are a few voxels wide at most.
 
 use medialrep::cancel::Never;
-use medialrep::pipeline::plane::strip::{unfolded, widened};
+use medialrep::pipeline::plane::Flat;
+use medialrep::pipeline::plane::strip::{SheetPoints, unfolded, widened};
 use medialrep::pipeline::sides::SheetSides;
 use medialrep::pipeline::solid::depth::Depth;
 use medialrep::pipeline::surface::Surface;
@@ -35,12 +36,17 @@ fn block() -> Depth {
     deepened(&volume).1
 }
 
+fn wide(sheet: &SheetSides, flat: &[Point2<f64>], depth: &Depth) -> SheetPoints {
+    let flat = Flat { points: flat.to_vec(), embedded: None };
+    widened(sheet, &flat, depth, &Never).unwrap()
+}
+
 #[test]
 fn a_strand_gets_points_on_both_sides_with_the_sheets_handedness() {
     let depth = block();
     for hand in [1.0, -1.0] {
         let (sheet, flat) = tailed(1, hand);
-        let points = widened(&sheet, &flat, &depth, &Never).unwrap();
+        let points = wide(&sheet, &flat, &depth);
         let own = flat.len();
         assert_eq!((&points.flat[..own], &points.positions[..own]), (&flat[..], &sheet.medial.positions[..]));
         for aside in [-1.0, 1.0] {
@@ -60,14 +66,14 @@ fn points_outside_of_the_object_are_not_added() {
     let (mut sheet, flat) = tailed(1, 1.0);
     // Balls this large do not fit into the block.
     sheet.radii.fill(70.0);
-    assert_eq!(widened(&sheet, &flat, &block(), &Never).unwrap().flat.len(), flat.len());
+    assert_eq!(wide(&sheet, &flat, &block()).flat.len(), flat.len());
 }
 
 #[test]
 fn filaments_are_left_as_they_are() {
     let (mut sheet, flat) = tailed(1, 1.0);
     flat.iter().zip(&mut sheet.radii).filter(|(p, _)| p.x > 8.0).for_each(|(_, r)| *r = 0.5);
-    assert_eq!(widened(&sheet, &flat, &block(), &Never).unwrap().flat.len(), flat.len());
+    assert_eq!(wide(&sheet, &flat, &block()).flat.len(), flat.len());
 }
 
 #[test]
@@ -88,7 +94,7 @@ fn a_strip_that_was_laid_on_a_line_gets_its_width_back() {
 fn a_wide_sheet_is_left_as_it_is() {
     let (sheet, flat) = tailed(9, 1.0);
     assert_eq!(unfolded(&sheet, &flat, &Never).unwrap(), flat);
-    assert_eq!(widened(&sheet, &flat, &block(), &Never).unwrap().flat, flat);
+    assert_eq!(wide(&sheet, &flat, &block()).flat, flat);
 }
 
 #[test]

@@ -16,7 +16,7 @@ mod patch;
 
 mod slide;
 
-use nalgebra::Point2;
+use nalgebra::{Point2, Point3};
 
 pub use self::corners::Ends;
 use self::patch::Patch;
@@ -75,6 +75,19 @@ impl Chart {
             LatticeKind::Fitted => fitted(region, ends, inset, cancel)?,
         };
         Ok(lines.map(|lines| Self { region: region.clone(), lines }))
+    }
+
+    /// The same with nodes spaced evenly in space, not in the plane; `position` tells where places of the plane lie there.
+    #[must_use]
+    pub(crate) fn spaced_in_space(self, position: impl Fn(Point2<f64>) -> Point3<f64>) -> Self {
+        let Self { region, lines } = self;
+        let lines = match lines {
+            Lines::Fitted { inner, outer, ends } => {
+                Lines::Fitted { inner: inner.measured_in_space(position), outer, ends }
+            }
+            regular @ Lines::Regular(_) => regular,
+        };
+        Self { region, lines }
     }
 
     /// The region.

@@ -6,7 +6,7 @@
 //!    section 2): a patch that blends the sides (Coons) leaves a region with a hollow;
 //! 3. the map from pixels to shares is turned round into a table of places.
 
-use nalgebra::{Point2, Vector2};
+use nalgebra::{Point2, Point3, SVector, Vector2, Vector3};
 
 use super::arc::Arc;
 use super::corners::{Ends, sides};
@@ -25,6 +25,8 @@ pub struct Patch {
     rows: usize,
     cols: usize,
     table: Vec<Vector2<f64>>,
+    /// Where they lie in space, if lengths are to be measured there.
+    positions: Vec<Vector3<f64>>,
 }
 
 /// Shares of the square, and the place that they belong to.
@@ -38,7 +40,12 @@ impl Patch {
     pub fn of(region: &Region, ends: Ends, cancel: &dyn Cancel) -> Result<Option<Self>, Cancelled> {
         let Some(sides) = sides(region, ends) else { return Ok(None) };
         let harmonic = Harmonic::of(region, &sides, cancel)?;
-        let mut patch = Self { rows: TABLE, cols: TABLE, table: vec![Vector2::repeat(f64::NAN); TABLE * TABLE] };
+        let mut patch = Self {
+            rows: TABLE,
+            cols: TABLE,
+            table: vec![Vector2::repeat(f64::NAN); TABLE * TABLE],
+            positions: Vec::new(),
+        };
         for [a, b, c, d] in harmonic.cells() {
             patch.fill([a, b, c]);
             patch.fill([a, c, d]);
@@ -114,20 +121,42 @@ impl Patch {
     /// From the places of `rows` × `cols` nodes at equal shares, row-major.
     #[must_use]
     pub fn of_nodes(rows: usize, cols: usize, nodes: &[Point2<f64>]) -> Self {
-        Self { rows, cols, table: nodes.iter().map(|n| n.coords).collect() }
+        Self { rows, cols, table: nodes.iter().map(|n| n.coords).collect(), positions: Vec::new() }
+    }
+
+    /// The same with lengths measured in space; `position` tells where places of the plane lie there.
+    #[must_use]
+    pub fn measured_in_space(mut self, position: impl Fn(Point2<f64>) -> Point3<f64>) -> Self {
+        self.positions = self.table.iter().map(|place| position(Point2::from(*place)).coords).collect();
+        self
     }
 
     /// The point at shares (s along the first axis, t along the second).
     #[must_use]
     pub fn at(&self, shares: Point2<f64>) -> Point2<f64> {
+        Point2::from(self.read(&self.table, shares))
+    }
+
+    /// Length of the straight way between the points at two shares: in the plane, or in space where positions are known.
+    #[must_use]
+    pub fn length(&self, from: Point2<f64>, to: Point2<f64>) -> f64 {
+        if self.positions.is_empty() {
+            (self.at(to) - self.at(from)).norm()
+        } else {
+            (self.read(&self.positions, to) - self.read(&self.positions, from)).norm()
+        }
+    }
+
+    /// A table between its nodes.
+    fn read<const D: usize>(&self, table: &[SVector<f64, D>], shares: Point2<f64>) -> SVector<f64, D> {
         let x = shares.x.clamp(0.0, 1.0) * (self.cols - 1) as f64;
         let y = shares.y.clamp(0.0, 1.0) * (self.rows - 1) as f64;
         let (i, j) = (floor_index(x).min(self.cols - 2), floor_index(y).min(self.rows - 2));
         let (a, b) = (x - i as f64, y - j as f64);
         let n = i + self.cols * j;
-        let low = self.table[n] * (1.0 - a) + self.table[n + 1] * a;
-        let high = self.table[n + self.cols] * (1.0 - a) + self.table[n + self.cols + 1] * a;
-        Point2::from(low * (1.0 - b) + high * b)
+        let low = table[n] * (1.0 - a) + table[n + 1] * a;
+        let high = table[n + self.cols] * (1.0 - a) + table[n + self.cols + 1] * a;
+        low * (1.0 - b) + high * b
     }
 
     /// The points at some shares.

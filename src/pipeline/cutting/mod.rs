@@ -2,7 +2,8 @@
 //!
 //! ISOMAP lays a sheet out so that distances in the plane are those along it. A bowl has no such
 //! plane: where its rim draws in it is laid over itself, and the map back to space takes the mean of
-//! two layers. The residual variance tells such sheets. They are cut in two until every part can be
+//! two layers. The residual variance tells such sheets, and so does the share that lies turned over. A bowl whose mesh can
+//! be unrolled stays one sheet (`bowls`). Others are cut in two until every part can be
 //! laid flat; the parts meet at a hinge, as branches do.
 //!
 //! LLE and Laplacian eigenmaps do not keep distances, so the residual variance of a good plane of theirs may be
@@ -11,15 +12,18 @@
 //! Two kinds of sheets can be laid flat and have no lattice: one that forks around a notch, of which an arm is cut off,
 //! and one that bends in its own plane, like an L, whose rows would run into the bend at small angles (`part`).
 //!
-//! 1. Strings of single voxels, which no lattice covers, are taken off a sheet that has no plane of its own;
-//! 2. of a sheet that forks, an arm is cut off;
-//! 3. any other sheet without a plane or a lattice is cut in two across one axis of the plane, where that leaves the lower
+//! 1. A sheet without a plane of its own is unrolled by its mesh, if that is a disc;
+//! 2. strings of single voxels, which no lattice covers, are taken off a sheet that has no plane of its own;
+//! 3. of a sheet that forks, an arm is cut off;
+//! 4. any other sheet without a plane or a lattice is cut in two across one axis of the plane, where that leaves the lower
 //!    fault;
-//! 4. and so on with the parts, as long as there may be more.
+//! 5. and so on with the parts, as long as there may be more.
 //!
 //! The paper has no such step: its sheets are laid flat as they are.
 
 mod arms;
+
+mod bowls;
 
 mod part;
 
@@ -30,7 +34,7 @@ use std::cell::Cell;
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::field::{floor_index, id};
 use crate::numerics::flood::within_steps;
-use crate::params::Landmarks;
+use crate::params::{Correspondence, Embedding, Landmarks, LatticeKind};
 use crate::pipeline::context::Context;
 use crate::pipeline::kind::{Kind, kind};
 use crate::pipeline::medial::MedialSurface;
@@ -72,6 +76,8 @@ struct Cutter<'a> {
     voxel_mm: f64,
     has_tunnels: bool,
     measure: Measure,
+    /// Whether what has no plane may be unrolled.
+    may_unroll: bool,
     /// Points that may still be laid out.
     left: Cell<usize>,
     context: &'a Context<'a>,
@@ -90,7 +96,11 @@ pub fn laid_flat(
     let params = context.params;
     let measure = Measure::of(params.embedding);
     let left = Cell::new(MOST_LAID);
-    let cutter = Cutter { surface, voxel_mm: solid.unit_mm, has_tunnels: solid.has_tunnels(), measure, left, context };
+    // The other embeddings, the paper's own pairing and its own lattice are there to be looked at as they are.
+    let is_ours = params.correspondence == Correspondence::Anchored && params.lattice == LatticeKind::Fitted;
+    let may_unroll = params.embedding == Embedding::Isomap && is_ours;
+    let (voxel_mm, has_tunnels) = (solid.unit_mm, solid.has_tunnels());
+    let cutter = Cutter { surface, voxel_mm, has_tunnels, measure, may_unroll, left, context };
     let mut spare = params.max_figures.unwrap_or(usize::MAX).saturating_sub(sheets.members.len());
     let mut label = sheets.sheet_of.clone();
     let mut laid = Vec::new();
@@ -101,12 +111,20 @@ pub fn laid_flat(
         if parts.len() > 1 || parts[0].is_bare {
             set_label(&mut label, members, NO_SHEET);
             for (k, part) in parts.iter_mut().enumerate() {
-                set_label(&mut label, &part.members, id(sheets.members.len() + laid.len() + k));
                 if params.landmarks != Landmarks::Auto {
-                    *part = cutter.lay(&part.members, params.landmarks)?;
+                    let is_bare = part.is_bare;
+                    *part = cutter.flattened(cutter.lay(&part.members, params.landmarks)?)?;
+                    part.is_bare |= is_bare;
                 }
+                set_label(&mut label, &part.members, id(sheets.members.len() + laid.len() + k));
             }
-            context.warn("sheet_cut", said(number, before, members.len(), &parts));
+        }
+        match &parts[..] {
+            [part] if part.is_unrolled() => {
+                context.warn("sheet_unrolled", said_of_bowl(number, before, members.len(), part));
+            }
+            [part] if !part.is_bare => {}
+            _ => context.warn("sheet_cut", said(number, before, members.len(), &parts)),
         }
         laid.extend(parts);
     }
@@ -159,6 +177,19 @@ fn said(number: usize, before: Faults, points: usize, parts: &[Part]) -> String 
     }
 }
 
+/// What was done to a sheet that was unrolled in one.
+fn said_of_bowl(number: usize, before: Faults, points: usize, part: &Part) -> String {
+    let mut message = format!("sheet {number} cannot be laid flat by ISOMAP ({before}): its mesh was unrolled");
+    if let Some(stretch) = part.flat.as_ref().and_then(|flat| flat.embedded?.unrolled) {
+        message += &format!(", to {:.2} to {:.2} of its lengths", stretch.least, stretch.most);
+    }
+    let left = points - part.members.len();
+    if left > 0 {
+        message += &format!("; {left} of its {points} points lie off the mesh and were left out");
+    }
+    message
+}
+
 /// The faults of the worst part.
 fn worst(parts: &[Part]) -> Option<Faults> {
     parts.iter().map(|part| part.faults).max_by(|a, b| a.worse().total_cmp(&b.worse()))
@@ -169,6 +200,7 @@ impl Cutter<'_> {
     fn cut(&self, whole: Part, spare: &mut usize) -> Result<Vec<Part>, Cancelled> {
         let (mut parts, mut done) = (vec![whole], Vec::new());
         while let Some(part) = parts.pop() {
+            let part = self.flattened(part)?;
             let pieces = if self.is_refused(&part)? { Vec::new() } else { self.pieces(&part, *spare)? };
             if pieces.is_empty() {
                 done.push(part);

@@ -142,3 +142,10 @@ pub(super) struct Part {
     /// Strings were taken off.
     pub is_bare: bool,
 }
+
+impl Part {
+    /// Whether it lies in the plane of its mesh, not in ISOMAP's.
+    pub fn is_unrolled(&self) -> bool {
+        self.flat.as_ref().is_some_and(Flat::is_unrolled)
+    }
+}

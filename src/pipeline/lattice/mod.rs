@@ -20,6 +20,7 @@ pub(in crate::pipeline) mod chords;
 
 pub(in crate::pipeline) mod size;
 
+use self::map::SpaceFromPlane;
 use self::rim::{WholeSheet, to_rim};
 use self::size::{automatic, respaced};
 use crate::cancel::Cancelled;
@@ -85,14 +86,13 @@ pub fn lattices(
         check_kind(&own_region, sheet, solid)?;
     }
     let is_anchored = context.params.correspondence == Correspondence::Anchored;
-    let points =
-        if is_anchored { widened(sheet, &flat.medial.points, depth, context)? } else { SheetPoints::default() };
+    let points = if is_anchored { widened(sheet, &flat.medial, depth, context)? } else { SheetPoints::default() };
     let is_widened = points.flat.len() > flat.medial.points.len();
     let region = if is_widened { Region::of(&points.flat, context)? } else { own_region };
     check_holes(region.hole_share, solid, number, context)?;
     warn_of_frame(&framed.frame, number, context);
     if !is_anchored {
-        let own = SheetPoints::of(sheet, &flat.medial.points);
+        let own = SheetPoints::of(sheet, &flat.medial);
         let chart = chart(&region, (Ends::Wide, RIM_INSET), context)?.ok_or_else(|| too_small(sheet))?;
         let (size, choices) = sized(flat, (&chart, &own), solid, number, context)?;
         let lattices = on_each_surface(flat, &chart, size, context)?.ok_or_else(|| too_small(sheet))?;
@@ -106,7 +106,11 @@ pub fn lattices(
         );
         whole.region = wide;
     }
-    let chart = chart(&whole.region, (Ends::OfTails, 0.0), context)?.ok_or_else(|| too_small(sheet))?;
+    let mut chart = chart(&whole.region, (Ends::OfTails, 0.0), context)?.ok_or_else(|| too_small(sheet))?;
+    if flat.medial.is_unrolled() {
+        let map = SpaceFromPlane::of(&whole.points).over_holes();
+        chart = chart.spaced_in_space(|place| map.node(place).position);
+    }
     let (size, choices) = sized(flat, (&chart, &whole.points), solid, number, context)?;
     let lattice = spaced_as_asked(&chart, size, solid, context)?;
     Ok((choices, Laid::Anchored { whole: Box::new(whole), chart: Box::new(chart), lattice }))

@@ -64,7 +64,7 @@ pub fn to_rim(
     if outline.len() < 8 {
         return Ok(whole);
     }
-    let map = SpaceFromPlane::new(&points.flat, &points.positions, &points.radii);
+    let map = SpaceFromPlane::of(points);
     let mut walks = Vec::with_capacity(outline.len());
     for (k, q) in outline.iter().enumerate() {
         cancel.check()?;

@@ -20,6 +20,7 @@ use super::laplacian::laplacian;
 use super::lle::lle;
 use super::tangents::{PlaneDistortion, Tangents};
 use crate::cancel::{Cancel, Cancelled};
+use crate::model::Stretch;
 use crate::numerics::field::floor_index;
 use crate::numerics::graph::{Edges, Graph};
 use crate::numerics::moments::{Axes2, mean};
@@ -47,6 +48,13 @@ pub struct Flat {
 }
 
 impl Flat {
+    /// Whether the plane is an injective map of the surface's mesh ([`injective`](super::injective)): lengths in it are
+    /// not those on the surface.
+    #[must_use]
+    pub fn is_unrolled(&self) -> bool {
+        self.embedded.is_some_and(|embedded| embedded.unrolled.is_some())
+    }
+
     /// What the plane does to the angles and sides of the surface; `None` for a string, where nothing can be judged.
     ///
     /// # Errors
@@ -67,6 +75,8 @@ pub struct Embedded {
     pub landmarks: usize,
     /// Pieces that the neighbourhood graph fell into before touching points joined them.
     pub pieces: usize,
+    /// How a plane stretches that took the place of the embedding's, of which all else is told.
+    pub unrolled: Option<Stretch>,
 }
 
 /// How a surface is to be laid flat.
@@ -159,6 +169,7 @@ pub fn flatten(
         neighbors: graph.mean_degree(),
         landmarks: geodesics.sources.len(),
         pieces,
+        unrolled: None,
     };
     Ok(Flat { points, embedded: Some(embedded) })
 }
@@ -227,7 +238,7 @@ fn scaled(pairs: &[Point2<f64>], scale: &Matrix2<f64>) -> Vec<Point2<f64>> {
 }
 
 /// Points about their mean, the first axis along their largest spread, as ISOMAP's are.
-fn on_axes(places: &[Point2<f64>]) -> Vec<Point2<f64>> {
+pub(super) fn on_axes(places: &[Point2<f64>]) -> Vec<Point2<f64>> {
     let middle = mean(places);
     let mut spread = Matrix2::zeros();
     for place in places {

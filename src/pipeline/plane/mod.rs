@@ -1,12 +1,13 @@
 //! Stage `isomap` (section 2.4 of the paper): sheets laid flat, by ISOMAP or another embedding.
 //!
 //! 1. every sheet is laid flat (`embedding`, over `graph` and `geodesics`, by `isomap`, `lle` or `laplacian`) and judged
-//!    (`tangents`, `region`); [`cutting`](super::cutting) cuts it where it has no plane of its own;
+//!    (`tangents`, `region`); where ISOMAP has no plane for it, a bowl is unrolled by its mesh (`injective`), and any other
+//!    is cut by [`cutting`](super::cutting);
 //! 2. `framed`: its plane is turned into a frame that the world fixes (`frame`), narrow tails get back their width
 //!    (`strip`), and the sides take their coordinates from the sheet, or are laid flat themselves.
 //!
 //! Where we leave the paper: edges of the graph stay on the surface, and geodesics start at landmarks, not at every
-//! point (`graph`, `isomap`); the frame is not left to the signs of an eigen solver; and the sides are
+//! point (`graph`, `isomap`); a bowl has a plane of its own (`injective`); the frame is not left to the signs of an eigen solver; and the sides are
 //! laid flat themselves with `correspondence` "paper" only, since planes that are laid out apart do not pair their points.
 
 pub mod embedding;
@@ -22,6 +23,8 @@ mod lle;
 mod laplacian;
 
 pub(crate) mod tangents;
+
+pub mod injective;
 
 pub mod region;
 

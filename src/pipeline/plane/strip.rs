@@ -14,6 +14,7 @@ use crate::numerics::cells::Cells;
 use crate::numerics::moments::{Axes2, Axes3};
 use crate::numerics::parallel::{POINTS_PER_TASK, each_number};
 use crate::numerics::stats::median;
+use crate::pipeline::plane::Flat;
 use crate::pipeline::sides::SheetSides;
 use crate::pipeline::solid::depth::Depth;
 
@@ -78,13 +79,20 @@ pub struct SheetPoints {
     pub positions: Vec<Point3<f64>>,
     /// Radii.
     pub radii: Vec<f64>,
+    /// Whether the plane shrinks and stretches.
+    pub is_unrolled: bool,
 }
 
 impl SheetPoints {
     /// Those of a sheet.
     #[must_use]
-    pub fn of(sheet: &SheetSides, flat: &[Point2<f64>]) -> Self {
-        Self { flat: flat.to_vec(), positions: sheet.medial.positions.clone(), radii: sheet.radii.clone() }
+    pub fn of(sheet: &SheetSides, flat: &Flat) -> Self {
+        Self {
+            flat: flat.points.clone(),
+            positions: sheet.medial.positions.clone(),
+            radii: sheet.radii.clone(),
+            is_unrolled: flat.is_unrolled(),
+        }
     }
 }
 
@@ -117,15 +125,10 @@ pub fn unfolded(sheet: &SheetSides, flat: &[Point2<f64>], cancel: &dyn Cancel) -
 ///
 /// # Errors
 /// When it is cancelled.
-pub fn widened(
-    sheet: &SheetSides,
-    flat: &[Point2<f64>],
-    depth: &Depth,
-    cancel: &dyn Cancel,
-) -> Result<SheetPoints, Cancelled> {
-    let strips = Strips::of(sheet, flat, cancel)?;
+pub fn widened(sheet: &SheetSides, flat: &Flat, depth: &Depth, cancel: &dyn Cancel) -> Result<SheetPoints, Cancelled> {
+    let strips = Strips::of(sheet, &flat.points, cancel)?;
     let least_radius = LEAST_RADIUS * median(sheet.radii.clone()).unwrap_or(0.0);
-    let added = each_number(flat.len(), POINTS_PER_TASK, |k| strips.beside(k, least_radius, depth), cancel)?;
+    let added = each_number(flat.points.len(), POINTS_PER_TASK, |k| strips.beside(k, least_radius, depth), cancel)?;
     let mut points = SheetPoints::of(sheet, flat);
     for (flat, position, radius) in added.into_iter().flatten() {
         points.flat.push(flat);

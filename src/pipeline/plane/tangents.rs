@@ -89,6 +89,12 @@ impl<'a> Tangents<'a> {
         Ok(Self { positions, tangents })
     }
 
+    /// The unit normal of every point, those of all agreeing along the sheet; `None` of those that have no tangent plane.
+    pub fn normals(&self) -> impl Iterator<Item = Option<Vector3<f64>>> {
+        let normal = |tangent: &Tangent| tangent.is_plane.then(|| tangent.axes[0].cross(&tangent.axes[1]));
+        self.tangents.iter().map(normal)
+    }
+
     /// The linear maps from the tangent planes to the places of points, of those that have one.
     fn maps(&self, places: &[Point2<f64>]) -> impl Iterator<Item = Matrix2<f64>> {
         let planes = self.tangents.iter().enumerate().filter(|(_, tangent)| tangent.is_plane);

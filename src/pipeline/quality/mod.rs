@@ -247,6 +247,7 @@ fn embedding_quality(flat: &Flat, distortion: Option<PlaneDistortion>) -> Option
         residual_variance: embedded.residual_variance,
         turned_over: distortion.map(|distortion| distortion.turned_over),
         angle_error_deg: distortion.map(|distortion| distortion.angle_error_deg),
+        unrolled: embedded.unrolled,
     })
 }
 

@@ -24,7 +24,7 @@ use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::depth::Depth;
 use crate::pipeline::surface::{Places, Surface, picked};
 
-pub use self::orientation::is_orientable;
+pub use self::orientation::{agreeing_normals, is_orientable};
 
 /// Cosine between a spoke and the sheet's normal below which the skin point is crest: 60°. With less, the rim's
 /// round skin is of both sides, and they are laid flat far beyond the sheet; with more, slanted sides count as crest.

@@ -28,9 +28,21 @@ const SMOOTHINGS: usize = 2;
 /// # Errors
 /// When it is cancelled.
 pub fn is_orientable(surface: &MedialSurface, members: &[u32], cancel: &dyn Cancel) -> Result<bool, Cancelled> {
+    Ok(agreeing_normals(surface, members, cancel)?.is_some())
+}
+
+/// Unit normals of a sheet's points (ascending) that agree along it; `None` where it has one side.
+///
+/// # Errors
+/// When it is cancelled.
+pub fn agreeing_normals(
+    surface: &MedialSurface,
+    members: &[u32],
+    cancel: &dyn Cancel,
+) -> Result<Option<Vec<Vector3<f64>>>, Cancelled> {
     match oriented_normals(surface, members, &surface.part(members, cancel)?, cancel) {
-        Ok(_) => Ok(true),
-        Err(PipelineError::Refused(_)) => Ok(false),
+        Ok(normals) => Ok(Some(normals)),
+        Err(PipelineError::Refused(_)) => Ok(None),
         Err(PipelineError::Cancelled(stop)) => Err(stop),
     }
 }

@@ -14,7 +14,7 @@ pub type Organ = (&'static str, &'static str, fn() -> LabelVolume);
 
 /// All of them.
 pub const ORGANS: [Organ; 6] = [
-    ("kidney", "a thick bowl that is cut in two, 1.5 mm", kidney),
+    ("kidney", "a thick bowl, 1.5 mm", kidney),
     ("caudate", "a bent and twisted leaf with a thin tail, 0.5 mm", caudate),
     ("hippocampus", "a curled strip with a tail in slices of 3 mm", hippocampus),
     ("spleen", "a bent plate with a notch in its rim, slices of 4 mm", spleen),

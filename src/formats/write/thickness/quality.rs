@@ -7,7 +7,7 @@ use super::super::rounded::{Rounded, triple};
 use super::surfaces::Surfaces;
 use crate::model::{
     Coverage, DistanceSummary, Distortion, EmbeddingQuality, FigureQuality, Kept, LatticePlace, MeanAndP95, Reason,
-    Repair, StructureQuality, Threshold, WorldPlace,
+    Repair, Stretch, StructureQuality, Threshold, WorldPlace,
 };
 
 /// `quality` of a figure.
@@ -70,6 +70,17 @@ pub struct EmbeddingDoc {
     pub residual_variance: Rounded,
     pub turned_over: Option<Rounded>,
     pub angle_error_deg: Option<Rounded>,
+    #[serde(default)]
+    pub unrolled: Option<StretchDoc>,
+}
+
+/// How a plane stretches that is not the embedding's own.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs, reason = "fields are those of Stretch")]
+pub struct StretchDoc {
+    pub energy: Rounded,
+    pub least: Rounded,
+    pub most: Rounded,
 }
 
 /// A place of the lattice.
@@ -233,7 +244,14 @@ impl From<&EmbeddingQuality> for EmbeddingDoc {
             residual_variance: Rounded(plane.residual_variance),
             turned_over: plane.turned_over.map(Rounded),
             angle_error_deg: plane.angle_error_deg.map(Rounded),
+            unrolled: plane.unrolled.map(StretchDoc::from),
         }
+    }
+}
+
+impl From<Stretch> for StretchDoc {
+    fn from(stretch: Stretch) -> Self {
+        Self { energy: Rounded(stretch.energy), least: Rounded(stretch.least), most: Rounded(stretch.most) }
     }
 }
 
