@@ -336,7 +336,7 @@ pub struct StructureQuality {
     pub repair: Repair,
     /// Self-intersections of all figures that have a closed surface.
     pub self_intersections: Option<usize>,
-    /// The largest residual variance of any surface.
+    /// The largest residual variance of any surface whose plane is the embedding's own.
     pub residual_variance: f64,
     /// The largest share of any surface that lies turned over in its plane; `None` where nothing can be judged.
     pub turned_over: Option<f64>,

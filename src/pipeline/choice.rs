@@ -91,7 +91,7 @@ pub(super) fn figures(
     // The paper's own pairing and its own lattice are there to be looked at as they are.
     let params = context.params;
     let is_paper = params.correspondence == Correspondence::Paper || params.lattice == LatticeKind::Regular;
-    if is_paper || (sheets.soundness.is_sound() && !sheets.may_be_of_tube()) {
+    if is_paper || (sheets.soundness.fills() && !sheets.may_be_of_tube()) {
         context.take_in(attempt.into_notes(), None);
         return Ok(sheets.chosen(None));
     }
@@ -198,7 +198,7 @@ impl Sheets {
         if !other.soundness.is_legal {
             return false;
         }
-        if self.soundness.is_sound() {
+        if self.soundness.fills() {
             let [tube] = &other.tubes.drafts[..] else { return false };
             let elongation = tube.choices.kind.and_then(|evidence| evidence.elongation).unwrap_or(0.0);
             let is_long = tube.flatness <= ROUND && elongation >= LONG;

@@ -60,9 +60,14 @@ impl Soundness {
         self.is_legal && self.spoilt <= SOUND_SPOILT
     }
 
-    /// Whether there is no need to look for others.
+    /// Whether they fill the solid with few spoilt nodes.
+    pub fn fills(self) -> bool {
+        self.spoils_few() && self.overlap >= SOUND_OVERLAP
+    }
+
+    /// Whether there is no need to divide the solid.
     pub fn is_sound(self) -> bool {
-        self.spoils_few() && self.lies_flat && self.overlap >= SOUND_OVERLAP
+        self.fills() && self.lies_flat
     }
 
     /// Whether these are worth more figures than others have: legal ones are; of two that are, or are not, what fills clearly

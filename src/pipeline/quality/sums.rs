@@ -43,7 +43,10 @@ fn add_counts(all: &mut StructureQuality, figure: &FigureQuality) {
 }
 
 fn widen_planes(all: &mut StructureQuality, plane: &EmbeddingQuality) {
-    all.residual_variance = worse(all.residual_variance, plane.residual_variance);
+    // A figure that was unrolled does not lie in the plane that the embedding's residual variance tells of.
+    if plane.unrolled.is_none() {
+        all.residual_variance = worse(all.residual_variance, plane.residual_variance);
+    }
     if let Some(turned_over) = plane.turned_over {
         all.turned_over = Some(worse(all.turned_over.unwrap_or(0.0), turned_over));
     }

@@ -3,7 +3,7 @@
 
 use std::borrow::Cow;
 
-use crate::model::{FigureQuality, PerSurface, Reason, StructureQuality, Threshold, Verdict, WorldPlace};
+use crate::model::{FigureQuality, Reason, StructureQuality, Threshold, Verdict, WorldPlace};
 use crate::pipeline::plane::embedding::MAX_TURNED_OVER;
 use crate::pipeline::quality::measures::worse;
 use crate::pipeline::solid::changes::in_words;
@@ -195,7 +195,7 @@ fn lattice_rows(quality: &StructureQuality, figures: &[FigureQuality], places: &
     let row = Wording::of;
     let turned_over = "share of a surface that lies turned over where it was laid flat";
     [
-        row("residual_variance", "residual variance of the flattening", residual_variance(figures)).bad_above(RESIDUAL),
+        row("residual_variance", "residual variance of the flattening", quality.residual_variance).bad_above(RESIDUAL),
         row("turned_over", turned_over, quality.turned_over.unwrap_or(0.0)).failed_above(MAX_TURNED_OVER),
         row("spacing_variation", "unevenness of the lattice", quality.spacing_variation).bad_above(SPACING),
         row("medial_offset", "95 % offset of medial nodes from the middle", quality.medial_offset.p95)
@@ -203,21 +203,6 @@ fn lattice_rows(quality: &StructureQuality, figures: &[FigureQuality], places: &
             .at(places.offset),
         row("invalid_nodes", "share of nodes off the sheet", invalid_share(figures)).bad_above(INVALID),
     ]
-}
-
-/// The largest residual variance of a plane that is the embedding's own. Of one that took its place the figure does not lie
-/// in what it tells of.
-fn residual_variance(figures: &[FigureQuality]) -> f64 {
-    let mut worst = 0.0;
-    for figure in figures {
-        let PerSurface { medial, upper, lower } = figure.embedding;
-        for plane in [medial, upper, lower].into_iter().flatten() {
-            if plane.unrolled.is_none() {
-                worst = worse(worst, plane.residual_variance);
-            }
-        }
-    }
-    worst
 }
 
 /// Share of the nodes off the sheet, of the worst figure.
