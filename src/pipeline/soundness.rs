@@ -6,15 +6,15 @@ use super::solid::Solid;
 use super::tubes::Tubes;
 use crate::cancel::{Cancel, Cancelled};
 
-/// Overlap with the solid's mask from which figures are sound.
+/// Overlap with the solid's mask from which figures are sound. With 0.8, L1, L3, L4 and L5 have overlaps of 0.80 to 0.83, not 0.88;
+/// with 0.92 adrenal glands are tubes.
 const SOUND_OVERLAP: f64 = 0.87;
 /// Share of their nodes that may be spoilt: with more the verdict is `fail`.
 const SOUND_SPOILT: f64 = 0.05;
 
-/// Overlap that more figures must add to be worth it. With none, a sacrum falls into eight figures for 0.01.
+/// Overlap that more figures must add to be worth it. With none the first small gain is taken, which leaves less to be gained:
+/// L1 and L2 have 0.82 and 0.85, not 0.89; with 0.03 an L4 has a figure less.
 const WORTH_MORE: f64 = 0.01;
-/// What a sheet that lies turned over where it was laid flat counts in overlap: the verdict is `fail`.
-const TURNED_OVER: f64 = 0.03;
 
 /// How well figures stand for a solid.
 #[derive(Clone, Copy, Debug)]
@@ -80,8 +80,7 @@ impl Soundness {
     }
 
     fn merit(self) -> f64 {
-        let turned_over = if self.lies_flat { 0.0 } else { TURNED_OVER };
-        self.overlap - self.spoilt - turned_over
+        self.overlap - self.spoilt
     }
 }
 

@@ -9,8 +9,8 @@ use crate::numerics::moments::Axes3;
 use crate::pipeline::solid::Solid;
 use crate::space::Grid;
 
-/// Share of the voxels that lies on either side of the cut at the least. With 0.1 the tips of processes are cut off; with 0.3
-/// the body of a vertebra is cut, not what joins it to the arch.
+/// Share of the voxels that lies on either side of the cut at the least. With 0.1 or 0.3, L3 and L4 have an overlap of 0.83, not
+/// 0.88: other places than the pedicles are narrower, or lie too far out.
 const EITHER_SIDE: f64 = 0.2;
 
 /// The pieces of both halves of a solid, of `least` voxels or more each. It is cut across one of its principal axes, where its

@@ -37,17 +37,21 @@ use crate::space::Grid;
 
 /// Share of a part's volume from which a portion has figures of its own, or as much more as `prune` says that a sheet must account for.
 const LEAST_SHARE: f64 = 0.02;
-/// The same in cubic grains: the smallest ribs that have a tube have 140.
+/// The same in cubic grains: the smallest ribs that have a tube have 140. Of 16 labels of a torso that are divided, none changes
+/// with 30, and an arch with 120 (overlap of L4 0.876, not 0.878).
 const LEAST_VOLUME: f64 = 60.0;
-/// Dice with its own voxels from which figures stand for a portion. What is below is none the better for them.
+/// Dice with its own voxels from which figures stand for a portion. From 0.3 to 0.7 none of the 16 changes.
 const OWN_OVERLAP: f64 = 0.5;
 /// The same from which portions stand for what has no figures as a whole: one half of a ring alone has 0.67.
 const INSTEAD_OVERLAP: f64 = 0.7;
-/// How often a portion may be divided again. With 2, a colon of a torso folds; with 4 nothing of it changes.
+/// How often a portion may be divided again. With 2, an L1 has an overlap of 0.82, not 0.89, and a liver fails; with 1, four of the 16
+/// more fail; with 4 nothing changes.
 const MOST_LEVELS: usize = 3;
-/// Portions that are tried for a part at the most. Of the 59 labels of a torso, a sacrum tries most of them.
+/// Portions that are tried for a part at the most. A sacrum tries 22, vertebrae up to 13; from 20 on nothing changes, with 10 an
+/// L1 has 0.80, not 0.89.
 const MOST_PORTIONS: usize = 40;
-/// Tunnels of a solid up to which it is divided: a sponge falls into as many pieces. A small bowel that touches itself has 30.
+/// Tunnels of a solid up to which it is divided. A sacrum has 10, all other labels of a torso 3 at the most; a sponge of 259
+/// takes 266 s when it is divided, and 17 s when not.
 const MOST_TUNNELS: i64 = 60;
 
 /// Figures of a solid or of a portion of it, and what they were found in.
