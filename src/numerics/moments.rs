@@ -1,6 +1,6 @@
 //! Where points lie and how they spread: their mean, their bounds, the principal axes of their second moments.
 
-use nalgebra::{Matrix2, Matrix3, Point, Point2, SVector, SymmetricEigen, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, Point, Point2, Point3, SVector, SymmetricEigen, Vector2, Vector3};
 
 /// The mean of points; the origin without points.
 #[must_use]
@@ -55,6 +55,18 @@ pub struct Axes3 {
 }
 
 impl Axes3 {
+    /// The middle of points, and the axes of their mean second moments about it.
+    #[must_use]
+    pub fn of_points(points: &[Point3<f64>]) -> (Point3<f64>, Self) {
+        let middle = mean(points);
+        let mut moments = Matrix3::zeros();
+        for point in points {
+            let offset = point.coords - middle;
+            moments += offset * offset.transpose() / points.len().max(1) as f64;
+        }
+        (Point3::from(middle), Self::of(moments))
+    }
+
     /// Of a symmetric matrix.
     #[must_use]
     pub fn of(form: Matrix3<f64>) -> Self {

@@ -114,6 +114,13 @@ impl Default for CheckedParams {
 }
 
 impl CheckedParams {
+    /// Whether the paper's own pairing or its own lattice is asked for. They are there to be looked at as they are: nothing is
+    /// done to them that the paper does not do.
+    #[must_use]
+    pub fn are_of_paper(&self) -> bool {
+        self.correspondence == Correspondence::Paper || self.lattice == LatticeKind::Regular
+    }
+
     /// Share of the intrinsic extent left free at each edge.
     #[must_use]
     pub fn margin(&self) -> f64 {

@@ -16,7 +16,6 @@ use super::tubes::{Tubes, tubes};
 use crate::cancel::Cancelled;
 use crate::model::{KindEvidence, Refusal, Stage};
 use crate::numerics::stats::mean;
-use crate::params::{Correspondence, LatticeKind};
 
 /// Width of the main sheet over its mean radius up to which it may be that of a tube of any length. Sheets of organs that are
 /// laid out well have 2 and more, thalami 1.8, a vena cava 1.0, bladders 1.4.
@@ -89,10 +88,7 @@ pub(super) fn figures(
         }
         Err(stop) => return Err(stop),
     };
-    // The paper's own pairing and its own lattice are there to be looked at as they are.
-    let params = context.params;
-    let is_paper = params.correspondence == Correspondence::Paper || params.lattice == LatticeKind::Regular;
-    if is_paper || (sheets.soundness.fills() && !sheets.may_be_of_tube()) {
+    if context.params.are_of_paper() || (sheets.soundness.fills() && !sheets.may_be_of_tube()) {
         context.take_in(attempt.into_notes(), None);
         return Ok(sheets.chosen(None));
     }

@@ -34,7 +34,7 @@ use std::cell::Cell;
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::field::{floor_index, id};
 use crate::numerics::flood::within_steps;
-use crate::params::{Correspondence, Embedding, Landmarks, LatticeKind};
+use crate::params::{Embedding, Landmarks};
 use crate::pipeline::context::Context;
 use crate::pipeline::kind::{Kind, kind};
 use crate::pipeline::medial::MedialSurface;
@@ -96,9 +96,8 @@ pub fn laid_flat(
     let params = context.params;
     let measure = Measure::of(params.embedding);
     let left = Cell::new(MOST_LAID);
-    // The other embeddings, the paper's own pairing and its own lattice are there to be looked at as they are.
-    let is_ours = params.correspondence == Correspondence::Anchored && params.lattice == LatticeKind::Fitted;
-    let may_unroll = params.embedding == Embedding::Isomap && is_ours;
+    // The other embeddings are there to be looked at as they are.
+    let may_unroll = params.embedding == Embedding::Isomap && !params.are_of_paper();
     let (voxel_mm, has_tunnels) = (solid.unit_mm, solid.has_tunnels());
     let cutter = Cutter { surface, voxel_mm, has_tunnels, measure, may_unroll, left, context };
     let mut spare = params.max_figures.unwrap_or(usize::MAX).saturating_sub(sheets.members.len());

@@ -1,6 +1,6 @@
 //! A solid cut in two by a plane.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Point3, Vector3};
 
 use super::remainders::pieces;
 use crate::cancel::{Cancel, Cancelled};
@@ -23,7 +23,7 @@ pub(super) fn halves(solid: &Solid, least: f64, cancel: &dyn Cancel) -> Result<V
     let mut points = Vec::new();
     for (voxel, is_inside) in inside.as_slice().iter().enumerate() {
         if *is_inside {
-            points.push(centre(inside.index(voxel)).coords);
+            points.push(centre(inside.index(voxel)));
         }
     }
     let Some((axis, at)) = narrowest(&points, solid.voxels_per_grain) else { return Ok(Vec::new()) };
@@ -42,15 +42,11 @@ pub(super) fn halves(solid: &Solid, least: f64, cancel: &dyn Cancel) -> Result<V
 
 /// Across which direction, and where along it, some points have the least section; `None` of points in one place. `grain`:
 /// thickness of a section.
-fn narrowest(points: &[Vector3<f64>], grain: f64) -> Option<(Vector3<f64>, f64)> {
-    let middle = points.iter().sum::<Vector3<f64>>() / points.len().max(1) as f64;
-    let mut moments = Matrix3::zeros();
-    for point in points {
-        moments += (point - middle) * (point - middle).transpose();
-    }
+fn narrowest(points: &[Point3<f64>], grain: f64) -> Option<(Vector3<f64>, f64)> {
+    let (_, axes) = Axes3::of_points(points);
     let mut best: Option<(f64, Vector3<f64>, f64)> = None;
-    for axis in Axes3::of(moments).directions {
-        let mut along: Vec<f64> = points.iter().map(|point| point.dot(&axis)).collect();
+    for axis in axes.directions {
+        let mut along: Vec<f64> = points.iter().map(|point| point.coords.dot(&axis)).collect();
         along.sort_by(f64::total_cmp);
         let inner = floor_index(EITHER_SIDE * points.len() as f64);
         let Some([low, high]) = along.get(inner).zip(along.get(points.len() - 1 - inner)).map(|(a, b)| [*a, *b]) else {

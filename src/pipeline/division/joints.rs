@@ -34,38 +34,54 @@ pub(super) fn joints(solid: &Solid, groups: &[Group], cancel: &dyn Cancel) -> Re
     if groups.len() < 2 {
         return Ok(Vec::new());
     }
-    let surfaces = groups.iter().map(|group| Outer::of(group, cancel)).collect::<Result<Vec<_>, _>>()?;
-    let mut first = Vec::with_capacity(groups.len());
-    let mut figures = 0;
-    for surface in &surfaces {
-        first.push(figures);
-        figures += surface.figures;
-    }
+    let outers = Outers::of(groups, cancel)?;
     let mut joints: BTreeMap<[usize; 2], Vec<Point3<f64>>> = BTreeMap::new();
     for (own, group) in groups.iter().enumerate() {
         for point in &group.skin {
             cancel.check()?;
-            if solid.level.at(point.position) < WITHIN {
-                continue;
-            }
-            let Some((figure, _)) = surfaces[own].nearest(point.position) else { continue };
-            let mut nearest: Option<(f64, usize)> = None;
-            for (other, surface) in surfaces.iter().enumerate() {
-                if other != own
-                    && let Some((figure, distance)) = surface.nearest(point.position)
-                    && distance < nearest.map_or(MEET_WITHIN, |nearest| nearest.0)
-                {
-                    nearest = Some((distance, first[other] + figure));
-                }
-            }
-            if let Some((_, other)) = nearest {
-                let mut pair = [first[own] + figure, other];
-                pair.sort_unstable();
-                joints.entry(pair).or_default().push(point.position);
+            if solid.level.at(point.position) >= WITHIN
+                && let Some(figures) = outers.meeting(own, point.position)
+            {
+                joints.entry(figures).or_default().push(point.position);
             }
         }
     }
     Ok(joints.into_iter().map(|(figures, places)| Joint { figures, places }).collect())
+}
+
+/// The outer nodes of all groups.
+struct Outers {
+    of_groups: Vec<Outer>,
+    /// The number of each group's first figure among those of all.
+    first: Vec<usize>,
+}
+
+impl Outers {
+    fn of(groups: &[Group], cancel: &dyn Cancel) -> Result<Self, Cancelled> {
+        let (mut of_groups, mut first, mut figures) = (Vec::new(), Vec::new(), 0);
+        for group in groups {
+            let outer = Outer::of(group, cancel)?;
+            first.push(figures);
+            figures += outer.figures;
+            of_groups.push(outer);
+        }
+        Ok(Self { of_groups, first })
+    }
+
+    /// The figure of a group that is nearest to a place, and the nearest of other groups, in their order; `None` where that is far.
+    fn meeting(&self, own: usize, place: Point3<f64>) -> Option<[usize; 2]> {
+        let (figure, _) = self.of_groups[own].nearest(place)?;
+        let mut nearest: Option<(f64, usize)> = None;
+        for (other, outer) in self.of_groups.iter().enumerate().filter(|(other, _)| *other != own) {
+            let Some((figure, distance)) = outer.nearest(place) else { continue };
+            if distance < nearest.map_or(MEET_WITHIN, |nearest| nearest.0) {
+                nearest = Some((distance, self.first[other] + figure));
+            }
+        }
+        let mut pair = [self.first[own] + figure, nearest?.1];
+        pair.sort_unstable();
+        Some(pair)
+    }
 }
 
 /// The outer nodes of the figures of a group.

@@ -32,7 +32,7 @@ use super::soundness::{Soundness, is_sound};
 use super::stages::Figures;
 use crate::cancel::Cancelled;
 use crate::model::{Refusal, Stage, Warning};
-use crate::params::{Correspondence, LatticeKind, Prune};
+use crate::params::Prune;
 use crate::space::Grid;
 
 /// Share of a part's volume from which a portion has figures of its own, or as much more as `prune` says that a sheet must account for.
@@ -86,9 +86,7 @@ pub(super) fn divided(
         Prune::Strength(_) => loss_needed(params.prune).max(LEAST_SHARE),
     };
     let least = (share * voxels).max(LEAST_VOLUME * solid.voxels_per_grain.powi(3));
-    // The paper's own pairing and its own lattice are there to be looked at as they are.
-    let is_paper = params.correspondence == Correspondence::Paper || params.lattice == LatticeKind::Regular;
-    let most_levels = if is_paper || solid.tunnels > MOST_TUNNELS { 0 } else { MOST_LEVELS };
+    let most_levels = if params.are_of_paper() || solid.tunnels > MOST_TUNNELS { 0 } else { MOST_LEVELS };
     let divider = Divider { context, least, most_levels, portions: Cell::new(MOST_PORTIONS) };
     let groups = divider.ways(solid, (depth, surface), Place { level: 0, before: 0 })?.groups;
     let joints = joints(solid, &groups, context)?;

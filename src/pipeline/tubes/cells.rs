@@ -1,13 +1,13 @@
 //! A solid as cells that hold shares of it, for what is solved for all over it.
 
-use nalgebra::{Matrix3, Point3};
+use nalgebra::Point3;
 
 use super::ring::Cut;
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::components::{Connectivity, components};
 use crate::numerics::field::{floor_index, id};
 use crate::numerics::graph::Graph;
-use crate::numerics::moments::{Axes3, mean};
+use crate::numerics::moments::Axes3;
 use crate::numerics::parallel::each_number;
 use crate::pipeline::solid::Solid;
 use crate::pipeline::solid::depth::Depth;
@@ -97,13 +97,7 @@ impl Cells {
 
     /// Their middle, and the axes of their second moments about it.
     pub fn axes(&self) -> (Point3<f64>, Axes3) {
-        let middle = mean(&self.places);
-        let mut moments = Matrix3::zeros();
-        for place in &self.places {
-            let offset = place.coords - middle;
-            moments += offset * offset.transpose() / self.len().max(1) as f64;
-        }
-        (Point3::from(middle), Axes3::of(moments))
+        Axes3::of_points(&self.places)
     }
 
     /// Where it is cut open.
