@@ -113,10 +113,10 @@ fn what_is_left_over_has_figures_of_its_own_up_to_as_many_as_are_asked_for() {
 #[test]
 fn a_sponge_is_not_divided_and_ends() {
     let wave = |i: usize| std::f64::consts::TAU * i as f64 / 12.0;
-    let gyroid = painted([44; 3], [1.0; 3], |[i, j, k]| {
+    let gyroid = painted([36; 3], [1.0; 3], |[i, j, k]| {
         let [x, y, z] = [i, j, k].map(wave);
         let value = x.sin() * y.cos() + y.sin() * z.cos() + z.sin() * x.cos();
-        u16::from([i, j, k].iter().all(|n| (2..42).contains(n)) && value.abs() < 0.5)
+        u16::from([i, j, k].iter().all(|n| (2..34).contains(n)) && value.abs() < 0.5)
     });
     let start = std::time::Instant::now();
     if let Ok(model) = run_with(&gyroid, "{}") {
@@ -124,6 +124,6 @@ fn a_sponge_is_not_divided_and_ends() {
         assert!(!is_divided(structure), "{:?}", structure.warnings);
         assert_eq!(structure.quality.verdict, Verdict::Fail);
     }
-    // It takes 6 s on two threads alone; without bounds, more than ten times as much.
+    // Alone it takes a sixth of that on one thread.
     assert!(start.elapsed().as_secs() < 60, "{:?}", start.elapsed());
 }

@@ -1,5 +1,7 @@
 //! A solid cut in two by a plane.
 
+use std::cmp::Reverse;
+
 use nalgebra::{Point3, Vector3};
 
 use super::remainders::pieces;
@@ -27,6 +29,7 @@ pub(super) fn halves(solid: &Solid, least: f64, cancel: &dyn Cancel) -> Result<V
         }
     }
     let Some((axis, at)) = narrowest(&points, solid.voxels_per_grain) else { return Ok(Vec::new()) };
+    // The pieces of the larger half first: which way an axis points says nothing.
     let mut all = Vec::new();
     for is_first in [true, false] {
         cancel.check()?;
@@ -35,9 +38,16 @@ pub(super) fn halves(solid: &Solid, least: f64, cancel: &dyn Cancel) -> Result<V
             let along = centre(half.index(voxel)).coords.dot(&axis);
             half.as_mut_slice()[voxel] &= (along < at) == is_first;
         }
-        all.extend(pieces(&half, least, cancel)?);
+        all.push(pieces(&half, least, cancel)?);
     }
-    Ok(all)
+    let voxels = |pieces: &Vec<Grid<bool>>| -> usize { pieces.iter().map(marked).sum() };
+    all.sort_by_key(|pieces| Reverse(voxels(pieces)));
+    Ok(all.into_iter().flatten().collect())
+}
+
+/// How many voxels are marked.
+fn marked(grid: &Grid<bool>) -> usize {
+    grid.as_slice().iter().filter(|is_marked| **is_marked).count()
 }
 
 /// Across which direction, and where along it, some points have the least section; `None` of points in one place. `grain`:

@@ -193,8 +193,13 @@ impl Divider<'_> {
         if self.portions.get() == 0 {
             return Ok(None);
         }
+        let pieces = halves(solid, self.least, self.context)?;
+        // Without a figure for each, what is left out would be no remainder but a part of the solid.
+        if place.before + pieces.len() > self.most_figures() {
+            return Ok(None);
+        }
         let mut groups = Vec::new();
-        for marked in halves(solid, self.least, self.context)? {
+        for marked in pieces {
             self.add_portion(solid, &marked, &mut groups, place)?;
         }
         if groups.is_empty() { Ok(None) } else { self.with_remainders(solid, groups, None, place).map(Some) }
@@ -242,8 +247,7 @@ impl Divider<'_> {
         let place = Place { level: place.level + 1, before: place.before + drafts(groups).len() };
         match self.ways(&portion, (depth, surface), place) {
             Ok(way) => {
-                let most = self.context.params.max_figures.unwrap_or(usize::MAX);
-                if way.stands() && place.before + drafts(&way.groups).len() <= most {
+                if way.stands() && place.before + drafts(&way.groups).len() <= self.most_figures() {
                     groups.extend(way.groups);
                 }
                 Ok(())
@@ -251,6 +255,11 @@ impl Divider<'_> {
             Err(PipelineError::Refused(_)) => Ok(()),
             Err(PipelineError::Cancelled(stop)) => Err(stop),
         }
+    }
+
+    /// Figures that a part may have.
+    fn most_figures(&self) -> usize {
+        self.context.params.max_figures.unwrap_or(usize::MAX)
     }
 
     /// Counts the time of what may not be used.
