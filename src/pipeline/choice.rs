@@ -1,7 +1,7 @@
 //! Sheets or a tube: which kind of figure stands for a part of a label.
 //!
 //! 1. Where the medial set is shorter or narrower than the solid is thick, or has no lattice, it is no sheet;
-//! 2. where it is narrow, the sections of the tube say what it is: round ones are those of a tube;
+//! 2. where it is narrow or long, the sections of the tube say what it is: round ones are those of a tube;
 //! 3. where the sheets are not sound (vectors cross, many nodes are spoilt, or little of the solid is filled), a tube takes
 //!    their place that is sound and fills more.
 
@@ -10,24 +10,35 @@ use super::context::Context;
 use super::medial::MedialSurface;
 use super::solid::Solid;
 use super::solid::depth::Depth;
-use super::soundness::Soundness;
+use super::soundness::{SOUND_OVERLAP, Soundness};
 use super::stages::{Figures, sheet_figures};
-use super::tubes::{Tubes, tubes};
+use super::tubes::{TubeDraft, Tubes, tubes};
 use crate::cancel::Cancelled;
 use crate::model::{KindEvidence, Refusal, Stage};
 use crate::numerics::stats::mean;
 
-/// Width of the main sheet over its mean radius up to which it may be that of a tube of any length. Sheets of organs that are
-/// laid out well have 2 and more, thalami 1.8, a vena cava 1.0, bladders 1.4.
-const NARROW: f64 = 1.7;
-/// Radius of the circle of a section's area over its inscribed radius up to which a narrow sheet is that of a tube: an ellipse
-/// of 2 by 1 has 1.41. It hardly changes with the grid: 1.27 and 1.32 of a bladder, 1.21 and 1.18 of a stomach.
-const NEARLY_ROUND: f64 = 1.4;
-/// The same of a sheet that is wider, but long. Vessels have 1.04 to 1.16, stomach, duodenum and femur 1.2 to 1.26,
-/// hippocampi 1.25 to 1.6, caudates 1.36, glutei 2.
-const ROUND: f64 = 1.24;
-/// Length over twice the radius from which a tube is long: a thalamus has 2.5, a femur 4, a stomach 6.
+/// Length over twice the radius up to which what is nearly round is short: that of a ball, a bladder, a femoral head, which
+/// have 1.5 to 2.1. Thalami have 2.4 to 2.5.
+const SHORT: f64 = 2.25;
+/// The same from which a tube is long: a femur has 4, a stomach 6. Between the two are thalami, which are either.
 const LONG: f64 = 3.5;
+/// The same from which it is so long that its sections may be flat: ribs have 9 to 34, caudates 7.
+const VERY_LONG: f64 = 8.0;
+/// Radius of the circle of a section's area over its inscribed radius up to which a long solid is a tube: an ellipse of
+/// 2 by 1 has 1.41. It changes by less than 0.06 with the grid. Vessels have 1.04 to 1.16, stomach, duodenum and femur 1.2 to
+/// 1.26, the muscles beside the spine 1.26 to 1.30; caudates and a supraspinatus, which are sheets, 1.35 and more.
+const ROUND: f64 = 1.32;
+/// The same of one that is not long, or whose sheet is narrow: 1.27 and 1.30 of a bladder, 1.20 and 1.35 of a femoral head.
+const NEARLY_ROUND: f64 = 1.4;
+/// The same of a very long one: ribs have 1.2 to 1.65, glutei 2.
+const ROUND_OF_VERY_LONG: f64 = 1.66;
+/// Width of the main sheet over its mean radius up to which it is narrow. It changes by half with the grid, thus it
+/// decides nothing alone.
+const NARROW: f64 = 1.7;
+/// The same up to which a tube is tried at all: thalami have 1.5 to 2.2, bladders 1.3.
+const MAY_BE_NARROW: f64 = 2.5;
+/// Overlap from which sheets stay though the solid may be a tube as well: thalami have 0.956 and more.
+const FILLS_WELL: f64 = 0.94;
 /// Width in radii, and length over width, of sheets that may be those of long tubes: of others no tube is tried.
 const MODERATE: f64 = 3.8;
 /// See [`MODERATE`].
@@ -161,6 +172,16 @@ impl AsTubes {
     }
 }
 
+/// What the sections of a tube say of a solid.
+enum Sections {
+    /// It is a tube.
+    OfTube,
+    /// They are flat.
+    OfSheet,
+    /// They are round, but it is not longer than it is wide.
+    OfEither,
+}
+
 /// The sheets of a part with what speaks for them.
 struct Sheets {
     figures: Figures,
@@ -187,7 +208,7 @@ impl Sheets {
 
     /// Whether it is worth looking at the sections of a tube.
     fn may_be_of_tube(&self) -> bool {
-        self.width_in_radii <= NARROW || (self.width_in_radii <= MODERATE && self.aspect >= LONGISH)
+        self.width_in_radii <= MAY_BE_NARROW || (self.width_in_radii <= MODERATE && self.aspect >= LONGISH)
     }
 
     /// Whether tubes stand better for the part than they do.
@@ -195,13 +216,33 @@ impl Sheets {
         if !other.soundness.is_legal {
             return false;
         }
-        if self.soundness.fills() {
-            let [tube] = &other.tubes.drafts[..] else { return false };
-            let elongation = tube.choices.kind.and_then(|evidence| evidence.elongation).unwrap_or(0.0);
-            let is_long = tube.flatness <= ROUND && elongation >= LONG;
-            return is_long || (self.width_in_radii <= NARROW && tube.flatness <= NEARLY_ROUND);
+        let kept_from = match &other.tubes.drafts[..] {
+            [tube] => match self.said_by_sections(tube) {
+                Sections::OfTube => return true,
+                Sections::OfEither => FILLS_WELL,
+                Sections::OfSheet => SOUND_OVERLAP,
+            },
+            _ => SOUND_OVERLAP,
+        };
+        let stay = self.soundness.spoils_few() && self.soundness.overlap >= kept_from;
+        !stay && other.soundness.overlap > self.soundness.overlap
+    }
+
+    /// What the sections of the one tube say, which hardly change with the grid.
+    fn said_by_sections(&self, tube: &TubeDraft) -> Sections {
+        let elongation = tube.choices.kind.and_then(|evidence| evidence.elongation).unwrap_or(0.0);
+        let is_long = elongation >= LONG;
+        let is_short = elongation < SHORT;
+        let roundness = match () {
+            () if elongation >= VERY_LONG => ROUND_OF_VERY_LONG,
+            () if is_long && self.width_in_radii > NARROW => ROUND,
+            () => NEARLY_ROUND,
+        };
+        match () {
+            () if tube.flatness > roundness => Sections::OfSheet,
+            () if is_long || is_short => Sections::OfTube,
+            () => Sections::OfEither,
         }
-        other.soundness.overlap > self.soundness.overlap
     }
 
     /// The tubes with what spoke against them.

@@ -8,7 +8,7 @@ use crate::cancel::{Cancel, Cancelled};
 
 /// Overlap with the solid's mask from which figures are sound. With 0.8, L1, L3, L4 and L5 have overlaps of 0.80 to 0.83, not 0.88;
 /// with 0.92 adrenal glands are tubes.
-const SOUND_OVERLAP: f64 = 0.87;
+pub(super) const SOUND_OVERLAP: f64 = 0.87;
 /// Share of their nodes that may be spoilt: with more the verdict is `fail`.
 const SOUND_SPOILT: f64 = 0.05;
 

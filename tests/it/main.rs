@@ -74,6 +74,7 @@ mod pipeline_folds;
 
 mod pipeline_paper;
 
+mod pipeline_kinds;
 mod pipeline_tubes;
 mod pipeline_uncertainty;
 
