@@ -33,12 +33,13 @@ pub enum Refusal {
         /// A working voxel that would do, mm.
         resolution_mm: f64,
     },
-    /// Large cavities: the wall of something else, which has another thickness than what it encloses.
+    /// Riddled with cavities none of which is a lumen: filled, it would be thicker than it is.
     #[error(
-        "the object is hollow: closed cavities inside it hold {voxels} voxels, {:.0} % of its own volume", 100.0 * share
+        "the object is riddled with holes: closed cavities inside it, each too small for a lumen, hold {voxels} voxels, \
+         {:.0} % of its own volume", 100.0 * share
     )]
     Hollow {
-        /// Voxels in cavities that are no noise.
+        /// Voxels in cavities that are neither noise nor a lumen.
         voxels: usize,
         /// The same over the object's own voxels.
         share: f64,
@@ -190,8 +191,7 @@ impl Refusal {
                 format!("send a finer mask, or try resolution_mm {}", significant(*resolution_mm))
             }
             Self::Hollow { .. } => {
-                "to measure the wall, send a mask of it that is cut open; to measure the whole, send it filled"
-                    .to_owned()
+                "check the segmentation: send it with its holes filled".to_owned()
             }
             Self::TooThin { .. } => "send a finer mask".to_owned(),
             Self::TooSmall { .. } => "send a finer mask or a larger object, or set a smaller resolution_mm".to_owned(),

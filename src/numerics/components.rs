@@ -97,11 +97,19 @@ impl Components {
         numbered.filter(move |(_, number)| **number == wanted).map(|(run, _)| run)
     }
 
-    /// Sets the voxels of all components but one, and returns their number.
-    pub fn set_all_but(&self, kept: Option<u32>, grid: &mut Grid<bool>, value: bool) -> usize {
+    /// Numbers of the components, the largest first, of equals the first.
+    #[must_use]
+    pub fn by_size(&self) -> Vec<u32> {
+        let mut numbers: Vec<u32> = (0..id(self.sizes.len())).collect();
+        numbers.sort_by_key(|number| std::cmp::Reverse(self.sizes[*number as usize]));
+        numbers
+    }
+
+    /// Sets the voxels of all components but some, and returns their number.
+    pub fn set_all_but(&self, kept: &[u32], grid: &mut Grid<bool>, value: bool) -> usize {
         let mut count = 0;
         for (run, number) in self.runs.iter().zip(&self.number) {
-            if Some(*number) != kept {
+            if !kept.contains(number) {
                 let start = run.row as usize * self.width;
                 grid.as_mut_slice()[start + run.from as usize..start + run.to as usize].fill(value);
                 count += (run.to - run.from) as usize;

@@ -124,8 +124,11 @@ struct AsTubes {
     soundness: Soundness,
 }
 
-/// A solid as tubes, in the better of the ways that there are.
+/// A solid as tubes, in the better of the ways that there are. What has a lumen is none: its sections would be rings.
 fn as_tubes(solid: &Solid, context: &Context<'_>) -> Result<Option<AsTubes>, Cancelled> {
+    if solid.lumens > 0 {
+        return Ok(None);
+    }
     let mut best: Option<AsTubes> = None;
     for tubes in context.stage(Stage::Lattice, || tubes(solid, context))? {
         let soundness = Soundness::of_tubes(solid, &tubes, context)?;

@@ -135,25 +135,38 @@ fn a_gap_of_one_voxel_is_not_closed_in_silence() {
 }
 
 #[test]
-fn a_hollow_object_is_refused_by_name() {
+fn of_a_hollow_object_the_wall_is_measured() {
     let ellipsoid = |at: Voxel, less: f64| {
         let axes = [40.0, 28.0, 14.0].map(|axis: f64| axis - less);
         (0..3).map(|a| ((at[a] as f64 - [43.0, 31.0, 17.0][a]) / axes[a]).powi(2)).sum::<f64>() <= 1.0
     };
     let ball = |at, inner| (inner..30.0).contains(&from_place(at, [34.0; 3]));
     let hollow = [
-        mask([87, 63, 35], |at| ellipsoid(at, 0.0) && !ellipsoid(at, 4.0)),
-        mask([69; 3], |at| ball(at, 25.0)),
-        mask([69; 3], |at| ball(at, 14.0)),
+        (4.0, mask([87, 63, 35], |at| ellipsoid(at, 0.0) && !ellipsoid(at, 4.0))),
+        (5.0, mask([69; 3], |at| ball(at, 25.0))),
+        (16.0, mask([69; 3], |at| ball(at, 14.0))),
     ];
-    for volume in hollow {
-        match run_of(&volume, params()) {
-            Err(PipelineError::Refused(refusal)) => {
-                assert_eq!(refusal.code(), "hollow_object", "{refusal}");
-                assert!(refusal.hint().contains("cut open"));
-            }
-            other => panic!("expected a refusal, got {:?}", other.map(|model| model.structures.len())),
+    for (wall_mm, volume) in hollow {
+        let model = run_of(&volume, Params::default()).expect("the wall is measured");
+        let structure = &model.structures[0];
+        check_invariants(&model);
+        assert!(has_warning(structure, "lumen_left_out"), "{:?}", structure.warnings);
+        assert_eq!(structure.figures.len(), 2, "two halves");
+        assert!(structure.quality.coverage.dice > 0.96, "{}", structure.quality.coverage.dice);
+        let thickness = structure.thickness_summary().total_mm.expect("it has an area");
+        assert!((thickness.p50 - wall_mm).abs() < 0.1 * wall_mm, "{wall_mm}: {thickness:?}");
+    }
+}
+
+#[test]
+fn what_is_riddled_with_holes_is_refused_by_name() {
+    let riddled = mask([66, 56, 30], |at| in_box(at, [3; 3], [63, 53, 27]) && !at.iter().all(|x| x % 9 > 4));
+    match run_of(&riddled, params()) {
+        Err(PipelineError::Refused(refusal)) => {
+            assert_eq!(refusal.code(), "hollow_object", "{refusal}");
+            assert!(refusal.hint().contains("filled"));
         }
+        other => panic!("expected a refusal, got {:?}", other.map(|model| model.structures.len())),
     }
 }
 

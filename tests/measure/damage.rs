@@ -67,7 +67,8 @@ pub fn rows() -> Vec<Row> {
         (Fault::Piece, &[0.01, 0.03, 0.045, 0.1, 0.3]),
         (Fault::Fin, &[0.004, 0.008, 0.016, 0.04, 0.08]),
         (Fault::Slit, &[0.006, 0.012, 0.03, 0.06]),
-        (Fault::Cavity, &[0.001, 0.004, 0.02, 0.045, 0.1]),
+        // One that holds more is a lumen, and no fault.
+        (Fault::Cavity, &[0.001, 0.004, 0.02, 0.045]),
         (Fault::Noise, &[0.0, 0.05, 0.15, 0.3]),
         (Fault::Lattice, &[0.5, 0.25]),
         (Fault::LeftOut, &[0.25, 0.5, 0.75]),

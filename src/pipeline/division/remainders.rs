@@ -40,7 +40,7 @@ pub(super) fn pieces(set: &Grid<bool>, least: f64, cancel: &dyn Cancel) -> Resul
     let mut all = Vec::new();
     for piece in order {
         let mut marked = set.clone();
-        pieces.set_all_but(Some(id(piece)), &mut marked, false);
+        pieces.set_all_but(&[id(piece)], &mut marked, false);
         all.push(marked);
     }
     Ok(all)

@@ -220,9 +220,9 @@ fn smooth_level(inside: &Grid<bool>, cancel: &dyn Cancel) -> Result<Grid<f32>, C
 /// Keeps the largest piece of the pixels and fills its holes; returns their share too.
 fn fill_holes(mut pixels: Grid<bool>, cancel: &dyn Cancel) -> Result<(Grid<bool>, f64), Cancelled> {
     let pieces = components(&pixels, true, Connectivity::Corners26, cancel)?;
-    pieces.set_all_but(pieces.largest(), &mut pixels, false);
+    pieces.set_all_but(pieces.largest().as_slice(), &mut pixels, false);
     let background = components(&pixels, false, Connectivity::Faces6, cancel)?;
-    let filled = background.set_all_but(background.of_first_voxel(), &mut pixels, true);
+    let filled = background.set_all_but(background.of_first_voxel().as_slice(), &mut pixels, true);
     let area = pixels.as_slice().iter().filter(|is_inside| **is_inside).count().max(1);
     Ok((pixels, filled as f64 / area as f64))
 }

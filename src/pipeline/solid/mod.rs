@@ -3,7 +3,7 @@
 //!
 //! 1. The label's box is cut out, its axes in the order of the world ([`cut_out`]), and taken apart ([`parts`]); what
 //!    follows is done with each part.
-//! 2. Small cavities are filled (`clean`).
+//! 2. Cavities that are no lumen are filled (`clean`).
 //! 3. It is brought to an isotropic grid by its signed distance (`grid`), unless it is on one.
 //! 4. Smoothing makes a level of it that is 0 on the sub-voxel boundary.
 //! 5. What that lost of the part, and what it gained, is counted ([`changes`]).
@@ -42,7 +42,7 @@ use nalgebra::Point3;
 use rayon::prelude::*;
 
 use self::changes::Changes;
-use self::clean::{keep_one_piece, without_cavities};
+use self::clean::{Piece, keep_one_piece, without_cavities};
 use self::depth::Depth;
 use self::grid::resample::resample;
 use self::grid::thinness::fitting_grid;
@@ -80,7 +80,7 @@ const SLICE: usize = 1 << 16;
 /// A part of a label as a solid.
 #[derive(Clone, Debug)]
 pub struct Solid {
-    /// Inside of the sub-voxel boundary: one 26-component without cavities.
+    /// Inside of the sub-voxel boundary: one 26-component without cavities but its lumens.
     pub inside: Grid<bool>,
     /// Positive inside, 0 on the sub-voxel boundary, without a unit.
     pub level: Level,
@@ -93,12 +93,21 @@ pub struct Solid {
     /// Working voxels to the length that all others count in: the mask's grain, half of the largest depth in thinner solids,
     /// a voxel at the least.
     pub voxels_per_grain: f64,
-    /// The mask on its own voxels, without cavities, before any resampling.
+    /// The mask on its own voxels, without cavities but its lumens, before any resampling.
     pub native: NativeMask,
     /// Which way is positive in the world.
     pub senses: Senses,
     /// Tunnels that lead through it: only then does its medial sheet have holes.
     pub tunnels: i64,
+    /// Cavities that it encloses as a wall does; all others were filled.
+    pub lumens: usize,
+}
+
+/// Tunnels of one piece: each lumen adds one to the Euler number, each tunnel takes one off.
+fn tunnels(lumens: usize, euler_number: i64) -> i64 {
+    #[expect(clippy::cast_possible_wrap, reason = "fewer than voxels")]
+    let lumens = lumens as i64;
+    1 + lumens - euler_number
 }
 
 /// Voxels of a label as they were cut out of the volume: with one free voxel all around, their axes in the order of the
@@ -126,16 +135,17 @@ pub struct Masked {
 
 /// Brings a part of a label to an isotropic grid with a sub-voxel boundary.
 ///
-/// Small cavities are filled, with a warning. The working voxel is `resolution_mm`, or the finest spacing of the mask, or
+/// Cavities that are no lumen are filled, with a warning. The working voxel is `resolution_mm`, or the finest spacing of the mask, or
 /// half of that where the part is thin.
 ///
 /// # Errors
-/// [`Refusal::TooLarge`] when the working grid would be, [`Refusal::Hollow`] of a part with large cavities,
+/// [`Refusal::TooLarge`] when the working grid would be, [`Refusal::Hollow`] of a part with many cavities,
 /// [`Refusal::TooThin`] when nothing is left of it on the grid; when it is cancelled.
 pub fn masked(part: &NativeMask, context: &Context<'_>) -> Result<Masked, PipelineError> {
     WorkingGrid::plan(part, context.params.resolution_mm).check_size()?;
     context.advance(0.2);
-    let native = NativeMask { mask: without_cavities(&part.mask, context)?, ..*part };
+    let Piece { inside: mask, lumens } = without_cavities(&part.mask, context)?;
+    let native = NativeMask { mask, ..*part };
     let plan = fitting_grid(&native, context)?;
     context.advance(0.4);
     let (mask, mut level, voxels_per_grain) = if plan.is_native {
@@ -148,7 +158,7 @@ pub fn masked(part: &NativeMask, context: &Context<'_>) -> Result<Masked, Pipeli
         (mask, level, voxels_per_grain)
     };
     context.advance(0.6);
-    let inside = keep_one_piece(&mut level, context)?;
+    let Piece { inside, lumens } = keep_one_piece(&mut level, lumens, context)?;
     let level = Level::new(level);
     if !inside.as_slice().contains(&true) {
         return Err(too_thin(&mask, plan.voxel_mm, context)?.into());
@@ -159,10 +169,19 @@ pub fn masked(part: &NativeMask, context: &Context<'_>) -> Result<Masked, Pipeli
     let WorkingGrid { world_from_work, voxel_mm: working_voxel_mm, .. } = plan;
     let senses = Senses::of(&inside, &world_from_work, context)?;
     let unit_mm = working_voxel_mm;
-    // One piece without cavities has one tunnel for each that its Euler number is below 1.
-    let tunnels = 1 - euler_number;
-    let solid =
-        Solid { inside, level, world_from_work, working_voxel_mm, unit_mm, voxels_per_grain, native, senses, tunnels };
+    let tunnels = tunnels(lumens, euler_number);
+    let solid = Solid {
+        inside,
+        level,
+        world_from_work,
+        working_voxel_mm,
+        unit_mm,
+        voxels_per_grain,
+        native,
+        senses,
+        tunnels,
+        lumens,
+    };
     if let Some(repeat) = context.repeat {
         let solid = perturbed(solid, repeat.number, context)?;
         return Ok(Masked { solid, object: TriangleMesh::default(), changes: Changes::default() });
@@ -255,9 +274,10 @@ impl Solid {
             level.clamp(-MOST_SHIFT, MOST_SHIFT)
         };
         let mut level = grid.try_map(|level| level - shift, context)?;
-        let inside = keep_one_piece(&mut level, context)?;
+        let Piece { inside, lumens } = keep_one_piece(&mut level, self.lumens, context)?;
         let in_voxels = Self {
             inside,
+            lumens,
             level: Level::new(level),
             world_from_work: self.world_from_work.enlarged([1.0 / k; 3]),
             unit_mm: self.working_voxel_mm,

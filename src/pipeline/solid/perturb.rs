@@ -45,7 +45,7 @@ pub(super) fn perturbed(solid: Solid, number: u64, cancel: &dyn Cancel) -> Resul
     let slack = slack(&solid, native, cancel)?;
     let noise = noise(solid.level.field.0.dims(), native, number, cancel)?;
     let mut level = moved(&solid.level.field.0, &noise, &slack, cancel)?;
-    let inside = keep_one_piece(&mut level, cancel)?;
+    let inside = keep_one_piece(&mut level, solid.lumens, cancel)?.inside;
     let senses = Senses::of(&inside, &solid.world_from_work, cancel)?;
     Ok(Solid { inside, level: Level::new(level), senses, ..solid })
 }

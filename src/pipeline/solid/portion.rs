@@ -1,8 +1,9 @@
 //! A portion of a solid as a solid by itself, on the same grid.
 
+use super::clean::{Piece, keep_one_piece};
 use super::depth::{Depth, depth};
 use super::level::Level;
-use super::{BOUNDARY_SIGMA, NativeMask, Solid, keep_one_piece};
+use super::{BOUNDARY_SIGMA, NativeMask, Solid, tunnels};
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::field::centre;
 use crate::numerics::smooth::gaussian;
@@ -32,7 +33,7 @@ impl Solid {
             let share = *value / around.as_slice()[voxel].max(f32::MIN_POSITIVE);
             *value = (share - 0.5).min(of_whole[voxel]);
         }
-        let inside = keep_one_piece(&mut level, context)?;
+        let Piece { inside, lumens } = keep_one_piece(&mut level, self.lumens, context)?;
         if !inside.as_slice().contains(&true) {
             return Ok(None);
         }
@@ -41,7 +42,8 @@ impl Solid {
             return Ok(None);
         }
         let portion = Self {
-            tunnels: 1 - euler_number(&inside, context)?,
+            tunnels: tunnels(lumens, euler_number(&inside, context)?),
+            lumens,
             inside,
             level: Level::new(level),
             world_from_work: self.world_from_work.enlarged([1.0 / self.voxels_per_grain; 3]),

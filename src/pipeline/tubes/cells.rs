@@ -62,7 +62,7 @@ impl Cells {
             .unwrap_or_else(|| Grid::filled(dims, false));
         let pieces = components(&is_kept, true, Connectivity::Faces6, cancel)?;
         let mut is_kept = is_kept;
-        pieces.set_all_but(pieces.largest(), &mut is_kept, false);
+        pieces.set_all_but(pieces.largest().as_slice(), &mut is_kept, false);
         let mut cells = Self {
             shares: Vec::new(),
             places: Vec::new(),
