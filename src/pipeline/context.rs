@@ -104,6 +104,11 @@ impl<'a> Context<'a> {
         Context { before: self.before, ..self.of_part(self.part) }
     }
 
+    /// The context of an attempt at what repeats have in common.
+    pub(super) fn unperturbed(&self) -> Context<'a> {
+        Context { repeat: None, ..self.apart() }
+    }
+
     /// The context of what so many figures leave over.
     pub(super) fn of_rest(&self, before: usize) -> Context<'a> {
         Context { before, ..self.of_part(self.part) }

@@ -98,12 +98,12 @@ fn a_small_part_is_dropped_and_counts() {
 }
 
 #[test]
-fn a_part_that_hangs_on_by_a_corner_is_not_lost_in_silence() {
+fn a_part_that_hangs_on_by_a_corner_is_a_part_by_itself() {
     let hung = |at| in_box(at, [6; 3], [40, 34, 14]) || in_box(at, [40, 34, 14], [52, 46, 20]);
     let structure = structure_of([70, 56, 24], hung);
-    assert!(has_warning(&structure, "thin_voxels_lost"), "{:?}", structure.warnings);
-    assert_eq!(structure.quality.kept.lost * structure.voxels as f64, 864.0);
-    assert_ne!(structure.quality.verdict, Verdict::Pass);
+    assert_eq!(structure.parts.iter().map(|part| part.voxels).collect::<Vec<_>>(), [7616, 864]);
+    assert!(structure.figures.iter().any(|figure| figure.part() == 1), "{:?}", structure.warnings);
+    assert_eq!(structure.quality.kept.lost, 0.0);
 }
 
 #[test]
@@ -132,6 +132,24 @@ fn a_gap_of_one_voxel_is_not_closed_in_silence() {
     assert!(has_warning(&structure, "gaps_closed"), "{:?}", structure.warnings);
     assert_eq!(structure.quality.verdict, Verdict::Fail);
     assert!(structure.quality.reasons.iter().any(|reason| reason.code == "closed_share"));
+}
+
+#[test]
+fn what_hangs_on_by_a_thin_neck_is_a_part_by_itself() {
+    let with_neck_of = |radius: f64| {
+        let volume = mask([96, 40, 40], |at| {
+            let neck = (20..76).contains(&at[0]) && (at[1] as f64 - 20.0).hypot(at[2] as f64 - 20.0) <= radius;
+            neck || from_place(at, [20.0; 3]) <= 14.0 || from_place(at, [76.0, 20.0, 20.0]) <= 10.0
+        });
+        let model = run_of(&volume, Params::default()).expect("balls have figures");
+        check_invariants(&model);
+        model.structures.into_iter().next().expect("a structure")
+    };
+    let thin = with_neck_of(0.0);
+    assert_eq!(thin.parts.len(), 2, "{:?}", thin.warnings);
+    assert!(thin.quality.kept.kept > 0.99 && thin.quality.coverage.dice > 0.96, "{:?}", thin.quality.kept);
+    let thick = with_neck_of(4.0);
+    assert_eq!(thick.parts.len(), 1, "{:?}", thick.warnings);
 }
 
 #[test]

@@ -64,7 +64,8 @@ pub struct Said {
 /// All faults in all sizes.
 pub fn rows() -> Vec<Row> {
     let cases: [(Fault, &[f64]); 7] = [
-        (Fault::Piece, &[0.01, 0.03, 0.045, 0.1, 0.3]),
+        // From 0.02 on it has a figure.
+        (Fault::Piece, &[0.01, 0.018, 0.045, 0.1, 0.3]),
         (Fault::Fin, &[0.004, 0.008, 0.016, 0.04, 0.08]),
         (Fault::Slit, &[0.006, 0.012, 0.03, 0.06]),
         // One that holds more is a lumen, and no fault.

@@ -43,6 +43,18 @@ pub struct Changes {
     pub surface: Vec<WorldPoint>,
 }
 
+/// The voxels of a solid's mask that are not in it, nor next to it, ascending.
+///
+/// # Errors
+/// When it is cancelled.
+pub(super) fn lost_voxels(solid: &Solid, cancel: &dyn Cancel) -> Result<Vec<usize>, Cancelled> {
+    let mut lost = Vec::new();
+    for row in Search::of(solid).everywhere(cancel)? {
+        lost.extend(row.lost);
+    }
+    Ok(lost)
+}
+
 /// Some voxels, and where one of them lies.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Place {

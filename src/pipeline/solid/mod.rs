@@ -30,6 +30,8 @@ mod grid;
 
 pub mod changes;
 
+mod necks;
+
 mod perturb;
 
 mod portion;
