@@ -2,7 +2,7 @@
 
 use nalgebra::Point3;
 
-use super::lattice::{LatticeSize, ring};
+use super::lattice::{LatticeSize, Links, ring};
 use super::meshes::TriangleMesh;
 use super::shell::{FLANK, Shell};
 use crate::numerics::field::id;
@@ -10,8 +10,8 @@ use crate::numerics::triangles::volume;
 
 /// The closed surface in the space of the shell: upper quads, strips from the upper edge along the arcs of the rim to
 /// the lower edge, lower quads. Corners are shared, every edge has
-/// two triangles, the Euler characteristic is 2, and triangles run counter-clockwise seen from
-/// outside, whatever the handedness of the space.
+/// two triangles, the Euler characteristic is 2 (of a ring, whose banks share their corners too, 0), and triangles run
+/// counter-clockwise seen from outside, whatever the handedness of the space.
 ///
 /// Neighbouring points of an arc that have merged are one; triangles without area that
 /// this leaves are dropped. `None` when a node is invalid or not finite (such a surface has
@@ -89,6 +89,7 @@ impl Corners {
         for (place, node) in ring(shell.size).into_iter().enumerate() {
             corners.name_merged(shell, place, node);
         }
+        corners.join_banks(shell.links(), nodes);
         corners
     }
 
@@ -105,6 +106,23 @@ impl Corners {
             if first != last && self.names[number] == last {
                 self.names[number] = arc[ARC - 1];
             }
+        }
+    }
+
+    /// Gives the corners at the twins of a ring the names of those at their own nodes. `nodes`: of one side.
+    fn join_banks(&mut self, links: Links, nodes: usize) {
+        let mut own: Vec<usize> = (0..self.points.len()).collect();
+        for n in 0..nodes {
+            own[n] = links.own(n);
+            own[nodes + n] = nodes + links.own(n);
+        }
+        for place in 0..self.arcs.len() {
+            for (number, same) in self.arcs[place].into_iter().zip(self.arcs[links.own_place(place)]) {
+                own[number] = own[same];
+            }
+        }
+        for name in &mut self.names {
+            *name = own[*name];
         }
     }
 

@@ -14,6 +14,8 @@ pub enum FrameRule {
     SuperiorOfEqualAxes,
     /// A round sheet: columns along the most superior direction.
     SuperiorDirection,
+    /// A ring: columns run round its hole.
+    RoundHole,
 }
 
 impl FrameRule {
@@ -24,6 +26,7 @@ impl FrameRule {
             Self::LongerAxis => "longer_axis",
             Self::SuperiorOfEqualAxes => "superior_of_equal_axes",
             Self::SuperiorDirection => "superior_direction",
+            Self::RoundHole => "round_hole",
         }
     }
 }

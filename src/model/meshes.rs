@@ -60,7 +60,11 @@ impl Sheet {
             let [a, b, c, d] = quad.nodes;
             triangles.extend([[a, c, b], [b, c, d]]);
         }
-        let (triangles, normals) = outward_normals(points, triangles, outward)?;
+        let (triangles, mut normals) = outward_normals(points, triangles, outward)?;
+        let links = shell.links();
+        for n in 0..points.len() {
+            join_normals(&mut normals, n, links.twin(n));
+        }
         let mut nodes: Vec<usize> = triangles.iter().flatten().copied().collect();
         nodes.sort_unstable();
         nodes.dedup();
@@ -87,7 +91,15 @@ impl Sheet {
             }
             arcs.push(arc);
         }
-        let (triangles, normals) = outward_normals(&points, self.crest_triangles(&edge, &arcs), &outward)?;
+        let (triangles, mut normals) = outward_normals(&points, self.crest_triangles(&edge, &arcs), &outward)?;
+        let links = Shell::from(self).links();
+        for place in 0..edge.len() {
+            if let Some(twin) = links.twin_place(place) {
+                for (&own, &same) in arcs[place].iter().zip(&arcs[twin]) {
+                    join_normals(&mut normals, own, Some(same));
+                }
+            }
+        }
         // Corners in the order in which triangles name them.
         let mut order = Vec::new();
         let mut is_there = vec![false; points.len()];
@@ -107,10 +119,11 @@ impl Sheet {
             let node = edge[place];
             drawable[node] && Shell::from(self).arc(place, node).iter().all(is_finite)
         };
+        let links = Shell::from(self).links();
         let mut triangles = Vec::new();
         for here in 0..edge.len() {
             let next = (here + 1) % edge.len();
-            if !is_usable(here) || !is_usable(next) {
+            if !is_usable(here) || !is_usable(next) || links.is_along_bank([edge[here], edge[next]]) {
                 continue;
             }
             for (a, b) in arcs[here].windows(2).zip(arcs[next].windows(2)) {
@@ -118,6 +131,15 @@ impl Sheet {
             }
         }
         triangles
+    }
+}
+
+/// Gives a corner and its twin, in one place, the mean of their normals.
+fn join_normals(normals: &mut [WorldVector], own: usize, twin: Option<usize>) {
+    if let Some(twin) = twin
+        && let Some(mean) = (normals[own] + normals[twin]).try_normalize(1e-9)
+    {
+        (normals[own], normals[twin]) = (mean, mean);
     }
 }
 

@@ -43,7 +43,7 @@ pub use body::{Body, FigurePatches};
 pub use closed::closed;
 pub use figure::{Figure, FlatPoints, Sheet};
 pub use frame::{FrameFacts, FrameRule};
-pub use lattice::{LatticeSize, ring};
+pub use lattice::{LatticeSize, Links, ring};
 pub use meshes::{SurfaceMesh, TriangleMesh, normals};
 pub use patches::Patches;
 pub use quality::{

@@ -8,7 +8,7 @@
 use nalgebra::{Point3, Vector3};
 
 use super::closed::closed;
-use super::lattice::{LatticeSize, ring};
+use super::lattice::{LatticeSize, Links, ring};
 use super::meshes::TriangleMesh;
 use super::shell::{FLANK, Flanks, Shell};
 use crate::cancel::{Cancel, Cancelled};
@@ -68,7 +68,7 @@ impl Patches {
         let LatticeSize { rows, cols } = shell.size;
         let steps = rows.max(cols).saturating_sub(1).max(1);
         let cuts = PIECES.div_ceil(steps).clamp(1, MOST);
-        let refiner = Refiner { size: shell.size, cuts, bend, valid: shell.valid };
+        let refiner = Refiner { links: shell.links(), cuts, bend, valid: shell.valid };
         let (edge, fine) = (ring(shell.size), refiner.refined_size());
         let flank = |side: usize, k: usize| -> Vec<Point3<f64>> {
             refiner.rim(&edge, &shell.flanks.iter().map(|flanks| flanks[side][k]).collect::<Vec<_>>())
@@ -125,7 +125,7 @@ pub(super) type Knot = (Point3<f64>, bool);
 
 /// Puts nodes between those of a lattice.
 struct Refiner<'a> {
-    size: LatticeSize,
+    links: Links,
     /// Pieces of a step.
     cuts: usize,
     bend: f64,
@@ -135,17 +135,17 @@ struct Refiner<'a> {
 impl Refiner<'_> {
     fn refined_size(&self) -> LatticeSize {
         let refined = |count: usize| count.saturating_sub(1) * self.cuts + usize::from(count > 0);
-        LatticeSize { rows: refined(self.size.rows), cols: refined(self.size.cols) }
+        LatticeSize { rows: refined(self.links.size.rows), cols: refined(self.links.size.cols) }
     }
 
     /// Nodes of a surface, row-major.
     fn surface(&self, nodes: &[Point3<f64>]) -> Vec<Knot> {
-        let LatticeSize { rows, cols } = self.size;
+        let LatticeSize { rows, cols } = self.links.size;
         let fine = self.refined_size();
         let mut along = Vec::with_capacity(rows * fine.cols);
         for row in 0..rows {
             let line: Vec<Knot> = (row * cols..(row + 1) * cols).map(|n| (nodes[n], self.valid[n])).collect();
-            along.extend(self.line(&line));
+            along.extend(self.row(&line));
         }
         let mut surface = vec![(Point3::origin(), false); fine.rows * fine.cols];
         for col in 0..fine.cols {
@@ -168,20 +168,34 @@ impl Refiner<'_> {
 
     /// Points of the rim, in the order of [`ring`]: side by side, as the nodes of the edge are.
     fn rim(&self, edge: &[usize], points: &[Point3<f64>]) -> Vec<Point3<f64>> {
-        let LatticeSize { rows, cols } = self.size;
+        let LatticeSize { rows, cols } = self.links.size;
         if points.len() != edge.len() {
             return Vec::new();
         }
         let (mut rim, mut first) = (Vec::new(), 0);
-        for steps in [cols - 1, rows - 1, cols - 1, rows - 1] {
+        for (number, steps) in [cols - 1, rows - 1, cols - 1, rows - 1].into_iter().enumerate() {
             let place = |k: usize| (first + k) % edge.len();
             let side: Vec<Knot> = (0..=steps).map(|k| (points[place(k)], self.valid[edge[place(k)]])).collect();
-            let mut fine = self.line(&side);
+            let mut fine = if number % 2 == 0 { self.row(&side) } else { self.line(&side) };
             fine.pop();
             rim.extend(fine.into_iter().map(|(point, _)| point));
             first += steps;
         }
         rim
+    }
+
+    /// The knots of a row and those between them; a row of a ring bends at its ends as it does elsewhere.
+    fn row(&self, knots: &[Knot]) -> Vec<Knot> {
+        /// Knots beyond either end that a step bends by.
+        const BEYOND: usize = 2;
+        let around = knots.len() - 1;
+        if !self.links.is_ring || around < BEYOND {
+            return self.line(knots);
+        }
+        let count = knots.len() + 2 * BEYOND;
+        let padded: Vec<Knot> = (0..count).map(|n| knots[(n + around - BEYOND) % around]).collect();
+        let fine = self.line(&padded);
+        fine[BEYOND * self.cuts..=(BEYOND + around) * self.cuts].to_vec()
     }
 
     /// The knots of a line and those between them.
@@ -256,7 +270,12 @@ mod tests {
     #[test]
     fn patches_pass_through_the_nodes_and_follow_a_circle_between() {
         let knots: Vec<Knot> = (0..5).map(|n| (arch(f64::from(n) * std::f64::consts::FRAC_PI_8), true)).collect();
-        let refiner = Refiner { size: LatticeSize { rows: 5, cols: 5 }, cuts: 4, bend: 1.0, valid: &[true; 25] };
+        let refiner = Refiner {
+            links: Links { size: LatticeSize { rows: 5, cols: 5 }, is_ring: false },
+            cuts: 4,
+            bend: 1.0,
+            valid: &[true; 25],
+        };
         let fine = refiner.line(&knots);
         assert_eq!(fine.len(), 17);
         for (n, (point, _)) in fine.iter().enumerate() {
@@ -272,7 +291,12 @@ mod tests {
     fn nothing_is_read_from_nodes_that_are_not_on_the_sheet() {
         let far = Point3::new(1e6, 0.0, 0.0);
         let knots = [(arch(0.0), true), (arch(0.3), true), (arch(0.6), true), (far, false)];
-        let refiner = Refiner { size: LatticeSize { rows: 4, cols: 4 }, cuts: 3, bend: 1.0, valid: &[true; 16] };
+        let refiner = Refiner {
+            links: Links { size: LatticeSize { rows: 4, cols: 4 }, is_ring: false },
+            cuts: 3,
+            bend: 1.0,
+            valid: &[true; 16],
+        };
         let fine = refiner.line(&knots);
         assert!(fine[..7].iter().all(|(point, is_valid)| *is_valid && (point.coords.norm() - 10.0).abs() < 0.1));
         assert!(fine[7..9].iter().all(|(_, is_valid)| !is_valid));

@@ -7,7 +7,7 @@
 use nalgebra::Point3;
 
 use super::figure::Sheet;
-use super::lattice::{LatticeSize, ring};
+use super::lattice::{LatticeSize, Links, ring};
 use super::side::Side;
 
 /// Points of an arc between a surface node and the crest point. With none a wedge stands for what is round, and the overlap
@@ -112,13 +112,22 @@ impl<'a> Shell<'a> {
         (0..rows).flat_map(move |i| (0..cols).filter_map(move |j| self.quad(i, j)))
     }
 
-    /// All steps round the edge without an invalid node.
+    /// Which nodes are neighbours. Of a ring the medial nodes of the last column are those of the first.
+    #[must_use]
+    pub fn links(&self) -> Links {
+        let LatticeSize { rows, cols } = self.size;
+        let meets = |row: usize| self.medial[row * cols] == self.medial[row * cols + cols - 1];
+        Links { size: self.size, is_ring: rows > 1 && cols > 3 && (0..rows).all(meets) }
+    }
+
+    /// All steps round the edge without an invalid node. Banks of a ring are no edge.
     pub(crate) fn edge_steps(self) -> impl Iterator<Item = EdgeStep> {
-        let edge = ring(self.size);
+        let (edge, links) = (ring(self.size), self.links());
         (0..edge.len()).filter_map(move |here| {
             let next = (here + 1) % edge.len();
             let nodes = [edge[here], edge[next]];
-            nodes.iter().all(|&n| self.valid[n]).then_some(EdgeStep { here, next, nodes })
+            let is_step = nodes.iter().all(|&n| self.valid[n]) && !links.is_along_bank(nodes);
+            is_step.then_some(EdgeStep { here, next, nodes })
         })
     }
 
