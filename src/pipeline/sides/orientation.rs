@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 
 use crate::cancel::{Cancel, Cancelled};
 use crate::model::Refusal;
+use crate::numerics::moments::mean;
 use crate::numerics::spanning::along_strongest;
 use crate::pipeline::PipelineError;
 use crate::pipeline::medial::MedialSurface;
@@ -19,6 +20,9 @@ const CONFLICT_COSINE: f64 = -0.5;
 /// Disagreeing links below which they are noise: a strip of a Möbius band has one across its
 /// whole width.
 const MIN_CONFLICTS: usize = 10;
+/// Length of the mean of unit normals below which a sheet closes round, so that none of its sides is upper: a band has 0, half a
+/// tube 0.64, a bowl of 150°, the most closed one that stays whole, 0.07.
+const CLOSED: f64 = 0.05;
 /// How often normals are smoothed over touching points: enough to take the grid out of them, few enough to leave a bend
 /// of a few voxels. With none or 6, nothing changes but by chance.
 const SMOOTHINGS: usize = 2;
@@ -47,7 +51,8 @@ pub fn agreeing_normals(
     }
 }
 
-/// Normals of a sheet's points towards its upper side: the one that is so in the world, on average.
+/// Normals of a sheet's points towards its upper side: the one that is so in the world, on average, and of a sheet that closes
+/// round the one that is outside.
 pub(super) fn upward_normals(
     surface: &MedialSurface,
     members: &[u32],
@@ -56,11 +61,15 @@ pub(super) fn upward_normals(
     cancel: &dyn Cancel,
 ) -> Result<Vec<Vector3<f64>>, PipelineError> {
     let mut normals = oriented_normals(surface, members, medial, cancel)?;
-    let mut mean = Vector3::zeros();
-    for normal in &normals {
-        mean += solid.world_from_work.vector(*normal);
-    }
-    if solid.senses.of_direction(mean).sign < 0.0 {
+    let sum: Vector3<f64> = normals.iter().sum();
+    let is_closed = sum.norm() < CLOSED * normals.len() as f64;
+    let is_lower = if is_closed {
+        let middle = mean(&medial.positions);
+        medial.positions.iter().zip(&normals).map(|(p, normal)| (p.coords - middle).dot(normal)).sum::<f64>() < 0.0
+    } else {
+        solid.senses.of_direction(solid.world_from_work.vector(sum)).sign < 0.0
+    };
+    if is_lower {
         for normal in &mut normals {
             *normal = -*normal;
         }
