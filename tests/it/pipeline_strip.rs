@@ -37,7 +37,7 @@ fn block() -> Depth {
 }
 
 fn wide(sheet: &SheetSides, flat: &[Point2<f64>], depth: &Depth) -> SheetPoints {
-    let flat = Flat { points: flat.to_vec(), embedded: None };
+    let flat = Flat { points: flat.to_vec(), embedded: None, period: None };
     widened(sheet, &flat, depth, &Never).unwrap()
 }
 

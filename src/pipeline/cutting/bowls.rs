@@ -55,7 +55,7 @@ impl Cutter<'_> {
         // A strip that was laid on a line is no fold: it will get back its width.
         let sheet = SheetSides { medial: part.surface.clone(), normals, ..SheetSides::default() };
         let points = unfolded(&sheet, &flat.points, self.context)?;
-        is_turned_over(&Flat { points, embedded: None }, &part.surface, self.context)
+        is_turned_over(&Flat { points, ..Flat::default() }, &part.surface, self.context)
     }
 
     /// A part without the points that lie off its mesh, in the plane of that; `None` where there are many.
@@ -78,7 +78,7 @@ impl Cutter<'_> {
         }
         let embedded = part.flat.as_ref().and_then(|flat| flat.embedded);
         let embedded = embedded.map(|isomap| Embedded { unrolled: Some(found.stretch), ..isomap });
-        let flat = Flat { points, embedded };
+        let flat = Flat { points, embedded, period: None };
         let surface = self.surface.part(&members, self.context)?;
         let region = Region::of(&flat.points, self.context)?;
         let measured = (Measure::TurnedOver, self.has_tunnels);

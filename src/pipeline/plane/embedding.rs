@@ -45,6 +45,9 @@ pub struct Flat {
     pub points: Vec<Point2<f64>>,
     /// How it was laid flat; `None` of a side that takes its coordinates from the sheet.
     pub embedded: Option<Embedded>,
+    /// Length after which the first coordinate begins again, voxels, of a ring
+    /// ([`rolled`](super::injective::rolled)).
+    pub period: Option<f64>,
 }
 
 impl Flat {
@@ -60,7 +63,7 @@ impl Flat {
     /// # Errors
     /// When it is cancelled.
     pub fn distortion(&self, surface: &Surface, cancel: &dyn Cancel) -> Result<Option<PlaneDistortion>, Cancelled> {
-        Ok(Tangents::of(surface, cancel)?.distortion(&self.points))
+        Ok(Tangents::of(surface, cancel)?.distortion_round(&self.points, self.period))
     }
 }
 
@@ -171,7 +174,7 @@ pub fn flatten(
         pieces,
         unrolled: None,
     };
-    Ok(Flat { points, embedded: Some(embedded) })
+    Ok(Flat { points, embedded: Some(embedded), period: None })
 }
 
 /// Refuses graphs with more edges than the largest surface has with the automatic neighbourhood: the factor of the

@@ -98,7 +98,7 @@ fn mean_normal(sheet: &SheetSides, solid: &Solid) -> WorldVector {
 }
 
 /// Of length 1, or none at all.
-fn unit(direction: WorldVector) -> WorldVector {
+pub(super) fn unit(direction: WorldVector) -> WorldVector {
     direction.try_normalize(1e-9).unwrap_or_default()
 }
 
@@ -165,6 +165,6 @@ fn world_from_plane(flat: &[Point2<f64>], positions: &[Point3<f64>], solid: &Sol
 }
 
 /// A direction of work space in the world, of the same length.
-fn world_direction(direction: Vector3<f64>, solid: &Solid) -> WorldVector {
+pub(super) fn world_direction(direction: Vector3<f64>, solid: &Solid) -> WorldVector {
     solid.world_from_work.vector(direction) / solid.unit_mm
 }

@@ -30,6 +30,8 @@ pub mod region;
 
 pub(crate) mod frame;
 
+mod round_frame;
+
 pub mod strip;
 
 pub use self::embedding::{Embedded, Flat, Method, flatten};
@@ -37,6 +39,7 @@ pub use self::graph::AUTO_RADIUS;
 
 use self::embedding::EmbeddingError;
 use self::frame::in_frame;
+use self::round_frame::round_frame;
 use self::strip::unfolded;
 use self::tangents::PlaneDistortion;
 use crate::cancel::{Cancel, Cancelled};
@@ -80,11 +83,16 @@ pub(crate) fn framed(
         Some(flat) => surfaces.warned("medial", flat),
         None => surfaces.flat("medial", &sheet.medial)?,
     };
-    let (points, frame) = in_frame(&medial.points, sheet, solid, context)?;
+    let (points, frame) = match medial.period {
+        Some(period) => round_frame((&medial.points, period), sheet, solid),
+        None => in_frame(&medial.points, sheet, solid, context)?,
+    };
     medial.points = points;
     let flat = match context.params.correspondence {
         Correspondence::Anchored => {
-            medial.points = unfolded(sheet, &medial.points, context)?;
+            if medial.period.is_none() {
+                medial.points = unfolded(sheet, &medial.points, context)?;
+            }
             PerSurface { upper: carried(&sheet.upper, &medial), lower: carried(&sheet.lower, &medial), medial }
         }
         Correspondence::Paper => {
@@ -130,7 +138,7 @@ impl Flattener<'_> {
 
 /// A side that takes its coordinates from the sheet; it has no graph of its own.
 fn carried(side: &Side, medial: &Flat) -> Flat {
-    Flat { points: partners(side, medial), embedded: None }
+    Flat { points: partners(side, medial), embedded: None, period: medial.period }
 }
 
 /// A flattened side, turned rigidly onto the flattened sheet.

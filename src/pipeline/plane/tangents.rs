@@ -96,9 +96,9 @@ impl<'a> Tangents<'a> {
     }
 
     /// The linear maps from the tangent planes to the places of points, of those that have one.
-    fn maps(&self, places: &[Point2<f64>]) -> impl Iterator<Item = Matrix2<f64>> {
+    fn maps(&self, places: &[Point2<f64>], period: Option<f64>) -> impl Iterator<Item = Matrix2<f64>> {
         let planes = self.tangents.iter().enumerate().filter(|(_, tangent)| tangent.is_plane);
-        planes.map(|(a, tangent)| tangent.map(self.positions, a, places))
+        planes.map(move |(a, tangent)| tangent.map(self.positions, a, (places, period)))
     }
 
     /// The linear map after which lengths in a plane are those on the sheet, as nearly as a linear map can make
@@ -106,7 +106,7 @@ impl<'a> Tangents<'a> {
     #[must_use]
     pub fn scale(&self, places: &[Point2<f64>]) -> Option<Matrix2<f64>> {
         let (mut sum, mut planes) = (Matrix2::zeros(), 0usize);
-        for map in self.maps(places) {
+        for map in self.maps(places, None) {
             sum += map * map.transpose();
             planes += 1;
         }
@@ -124,8 +124,14 @@ impl<'a> Tangents<'a> {
     /// How a plane, of the places of all points, distorts the sheet; `None` where nothing can be judged.
     #[must_use]
     pub fn distortion(&self, places: &[Point2<f64>]) -> Option<PlaneDistortion> {
+        self.distortion_round(places, None)
+    }
+
+    /// The same of a plane whose first coordinate begins again after a period.
+    #[must_use]
+    pub fn distortion_round(&self, places: &[Point2<f64>], period: Option<f64>) -> Option<PlaneDistortion> {
         let (mut judged, mut turned, mut angles) = (0, 0, 0.0f64);
-        for map in self.maps(places) {
+        for map in self.maps(places, period) {
             judged += 1;
             turned += usize::from(map.determinant() < 0.0);
             angles += angle_error(&map);
@@ -180,16 +186,28 @@ impl Tangent {
     }
 
     /// The linear map from the tangent plane of point `a` to the places of points.
-    fn map(&self, positions: &[Point3<f64>], a: usize, places: &[Point2<f64>]) -> Matrix2<f64> {
+    fn map(
+        &self,
+        positions: &[Point3<f64>],
+        a: usize,
+        (places, period): (&[Point2<f64>], Option<f64>),
+    ) -> Matrix2<f64> {
         let ([along, across, _], [length, width, _]) = (self.axes, self.squares);
         let mut map = Matrix2::zeros();
         for &b in &self.near {
             let d = positions[b as usize] - positions[a];
             let share = Vector2::new(along.dot(&d) / length, across.dot(&d) / width);
-            map += (places[b as usize] - places[a]) * share.transpose();
+            map += (nearest_turn(places[b as usize], places[a], period) - places[a]) * share.transpose();
         }
         map
     }
+}
+
+/// The place nearest to another at which a plane that begins again after a period has the same.
+#[must_use]
+pub(crate) fn nearest_turn(place: Point2<f64>, to: Point2<f64>, period: Option<f64>) -> Point2<f64> {
+    let Some(period) = period else { return place };
+    Point2::new(place.x - period * ((place.x - to.x) / period).round(), place.y)
 }
 
 /// Whose normals must be turned for all to agree along the sheet.

@@ -40,7 +40,7 @@ pub(crate) mod senses;
 
 pub mod depth;
 
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
 use self::changes::Changes;
@@ -241,6 +241,17 @@ fn object_mesh(solid: &Solid, cancel: &dyn Cancel) -> Result<TriangleMesh, Cance
 }
 
 impl Solid {
+    /// The most superior direction across another; across one that runs up or down the most anterior.
+    #[must_use]
+    pub(in crate::pipeline) fn superior_across(&self, direction: Vector3<f64>) -> Vector3<f64> {
+        let matrix = self.world_from_work.matrix();
+        let axis = |row: usize| matrix.fixed_view::<1, 3>(row, 0).transpose().normalize();
+        let across = |v: Vector3<f64>| v - direction * v.dot(&direction);
+        let up = across(axis(2));
+        let seam = if up.norm() > 0.5 { up } else { across(axis(1)) };
+        seam.try_normalize(1e-9).unwrap_or_else(Vector3::x)
+    }
+
     /// Whether tunnels lead through it.
     #[must_use]
     pub fn has_tunnels(&self) -> bool {

@@ -14,7 +14,7 @@ use super::drain::Drain;
 use super::line::{End, Line};
 use super::sections::Skin;
 use super::tree::Branch;
-use super::wall::{Laying, superior_across};
+use super::wall::Laying;
 use super::{Fork, SPLIT};
 use crate::cancel::Cancelled;
 use crate::pipeline::context::Context;
@@ -45,7 +45,7 @@ impl Cut {
         let [.., normal] = axes.directions;
         let sign = solid.senses.of_direction(solid.world_from_work.vector(normal).normalize()).sign;
         let normal = if sign < 0.0 { -normal } else { normal };
-        let outward = superior_across(solid, normal);
+        let outward = solid.superior_across(normal);
         Self { through: middle, outward, across: normal.cross(&outward) }
     }
 

@@ -209,7 +209,7 @@ impl Laying<'_> {
     /// Where row 0 lies on the curves of all rings, so that their nodes face each other: lengths round them.
     fn starts(&self, rings: &[Ring], rows: usize) -> Vec<f64> {
         let middle = rings.len() / 2;
-        let seam = superior_across(self.solid, rings[middle].direction);
+        let seam = self.solid.superior_across(rings[middle].direction);
         let mut starts = vec![rings[middle].facing(seam); rings.len()];
         let forward: Vec<usize> = (middle + 1..rings.len()).collect();
         let backward: Vec<usize> = (0..middle).rev().collect();
@@ -257,16 +257,6 @@ impl Laying<'_> {
         let most = (skin - centre).norm();
         centre + (skin - centre) * (OPEN * radius / most.max(1e-9)).min(SHORT_OF_SKIN)
     }
-}
-
-/// The most superior direction across another; across one that runs up or down the most anterior.
-pub fn superior_across(solid: &Solid, direction: Vector3<f64>) -> Vector3<f64> {
-    let matrix = solid.world_from_work.matrix();
-    let axis = |row: usize| matrix.fixed_view::<1, 3>(row, 0).transpose().normalize();
-    let across = |v: Vector3<f64>| v - direction * v.dot(&direction);
-    let up = across(axis(2));
-    let seam = if up.norm() > 0.5 { up } else { across(axis(1)) };
-    seam.try_normalize(1e-9).unwrap_or_else(Vector3::x)
 }
 
 /// Where a ray from a place leaves the solid; the place itself when it lies outside.

@@ -1,5 +1,7 @@
-//! Triangles made a disc: one piece, two triangles at an edge, one fan at a vertex, one rim, no handle.
+//! Triangles made a disc: one piece, two triangles at an edge, one fan at a vertex, one rim, no handle; or a ring, with two
+//! rims.
 
+use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
 use nalgebra::{Point3, Vector3};
@@ -15,7 +17,11 @@ use crate::pipeline::plane::region::HOLES_REFUSED;
 /// overlap is 0.929, not 0.940.
 const SMOOTHINGS: usize = 3;
 
-/// A mesh that is a disc.
+/// Length of the rim of a ring's hole over that of its other one at the least: shorter ones are gaps of a mesh. Of a washer whose
+/// hole takes [`HOLES_REFUSED`] of its area it is 0.36.
+const LEAST_RIM: f64 = 0.25;
+
+/// A mesh that is a disc, or a ring.
 #[derive(Clone, Debug)]
 pub(super) struct Disc {
     /// Vertices.
@@ -24,7 +30,7 @@ pub(super) struct Disc {
     pub triangles: Vec<[u32; 3]>,
     /// How many of them are the sheet's.
     pub of_sheet: usize,
-    /// Vertices of the rim, counter-clockwise as the triangles are.
+    /// Vertices of the rim, counter-clockwise as the triangles are; of a ring those of one rim after the other.
     pub rim: Vec<u32>,
     /// Vertices joined to each, ascending.
     pub joined: Vec<Vec<u32>>,
@@ -35,16 +41,40 @@ impl Disc {
     ///
     /// # Errors
     /// When it is cancelled.
-    pub fn of(mut mesh: Triangles, cancel: &dyn Cancel) -> Result<Option<Self>, Cancelled> {
+    pub fn of(mesh: Triangles, cancel: &dyn Cancel) -> Result<Option<Self>, Cancelled> {
+        Ok(Self::with_rims(mesh, 1, cancel)?.map(|(disc, _)| disc))
+    }
+
+    /// The same with two rims, and how many vertices the first of them has; `None` where it is no ring.
+    ///
+    /// # Errors
+    /// When it is cancelled.
+    pub fn ring(mesh: Triangles, cancel: &dyn Cancel) -> Result<Option<(Self, usize)>, Cancelled> {
+        Self::with_rims(mesh, 2, cancel)
+    }
+
+    /// With so many rims, the longest of its loops; and the vertices of the longest.
+    fn with_rims(mut mesh: Triangles, count: usize, cancel: &dyn Cancel) -> Result<Option<(Self, usize)>, Cancelled> {
         if !is_cleaned(&mut mesh, cancel)? {
             return Ok(None);
         }
         let mut loops = loops_of(&mesh);
-        let Some(longest) = longest(&loops, &mesh.positions) else { return Ok(None) };
-        let rim = loops.swap_remove(longest);
+        // The first of equals first.
+        loops.sort_by(|a, b| length(b, &mesh.positions).total_cmp(&length(a, &mesh.positions)));
+        if loops.len() < count {
+            return Ok(None);
+        }
+        let holes = loops.split_off(count);
+        let shortest = length(&loops[count - 1], &mesh.positions);
+        if shortest < LEAST_RIM * length(&loops[0], &mesh.positions) {
+            return Ok(None);
+        }
+        if count > 1 {
+            split_chords(&mut mesh, &loops);
+        }
         let of_sheet = mesh.triangles.len();
         let (area, mut in_holes) = (area(&mesh.positions, &mesh.triangles), 0.0);
-        for hole in &loops {
+        for hole in &holes {
             // As large as a circle of its length.
             in_holes += length(hole, &mesh.positions).powi(2) / (4.0 * PI);
             fill(hole, &mut mesh);
@@ -52,12 +82,12 @@ impl Disc {
         if in_holes > HOLES_REFUSED * (area + in_holes) {
             return Ok(None);
         }
-        let mut disc = Self { of_sheet, ..Self::compact(&mesh, &rim) };
-        if !disc.is_simple() {
+        let mut disc = Self { of_sheet, ..Self::compact(&mesh, &loops.concat()) };
+        if !disc.is_simple(count) {
             return Ok(None);
         }
         disc.smooth();
-        Ok(Some(disc))
+        Ok(Some((disc, loops[0].len())))
     }
 
     /// Without vertices that no triangle has.
@@ -86,10 +116,10 @@ impl Disc {
         }
     }
 
-    /// Whether it has no handle: V − E + F = 1.
-    fn is_simple(&self) -> bool {
+    /// Whether it has no handle: V − E + F = 2 less the number of its rims.
+    fn is_simple(&self, rims: usize) -> bool {
         let edges = self.joined.iter().map(Vec::len).sum::<usize>() / 2;
-        self.positions.len() + self.triangles.len() == edges + 1
+        self.positions.len() + self.triangles.len() + rims == edges + 2
     }
 
     /// Vertices on the rim.
@@ -115,6 +145,39 @@ impl Disc {
     }
 }
 
+/// Puts a vertex in the middle of every edge inside that joins two of one rim: what lies beyond would be drawn to a line where the
+/// rim is laid straight.
+fn split_chords(mesh: &mut Triangles, rims: &[Vec<u32>]) {
+    let mut rim_of = vec![usize::MAX; mesh.positions.len()];
+    for (number, rim) in rims.iter().enumerate() {
+        for &v in rim {
+            rim_of[v as usize] = number;
+        }
+    }
+    let edges = directed_edges(mesh);
+    let is_chord = |a: u32, b: u32| {
+        let is_inside = triangle_at(&edges, [a, b]).is_some() && triangle_at(&edges, [b, a]).is_some();
+        let [one, other] = [a, b].map(|v| rim_of.get(v as usize));
+        is_inside && one == other && one != Some(&usize::MAX)
+    };
+    let (mut middles, mut triangles) = (BTreeMap::new(), Vec::with_capacity(mesh.triangles.len()));
+    let mut waiting = std::mem::take(&mut mesh.triangles);
+    waiting.reverse();
+    while let Some([a, b, c]) = waiting.pop() {
+        let Some([a, b, c]) = [[a, b, c], [b, c, a], [c, a, b]].into_iter().find(|[a, b, _]| is_chord(*a, *b)) else {
+            triangles.push([a, b, c]);
+            continue;
+        };
+        let middle = *middles.entry([a.min(b), a.max(b)]).or_insert_with(|| {
+            let [from, to] = [a, b].map(|v| mesh.positions[v as usize].coords);
+            mesh.positions.push(Point3::from((from + to) / 2.0));
+            id(mesh.positions.len() - 1)
+        });
+        waiting.extend([[middle, b, c], [a, middle, c]]);
+    }
+    mesh.triangles = triangles;
+}
+
 /// The edges' loops, with the triangles to their left.
 fn loops_of(mesh: &Triangles) -> Vec<Vec<u32>> {
     let edges = directed_edges(mesh);
@@ -136,18 +199,6 @@ fn loops_of(mesh: &Triangles) -> Vec<Vec<u32>> {
         }
     }
     loops
-}
-
-/// The number of the longest loop.
-fn longest(loops: &[Vec<u32>], positions: &[Point3<f64>]) -> Option<usize> {
-    let mut best: Option<(usize, f64)> = None;
-    for (k, around) in loops.iter().enumerate() {
-        let length = length(around, positions);
-        if best.is_none_or(|(_, most)| length > most) {
-            best = Some((k, length));
-        }
-    }
-    best.map(|(k, _)| k)
 }
 
 /// Length of a loop, voxels.

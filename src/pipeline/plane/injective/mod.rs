@@ -8,6 +8,8 @@
 //! 4. lengths are made as true as can be, in steps that turn nothing over either (`relax`);
 //! 5. every point of the sheet gets its place from the triangle it lies by (`places`).
 //!
+//! A sheet with one hole is a ring, and has a strip of the plane that begins again after a length, its period (`rolled`).
+//!
 //! All of it is exact to a mesh of its own: Tutte's theorem holds for discs with a convex rim and positive weights, and the
 //! steps are checked triangle by triangle. Lengths are voxels.
 
@@ -23,12 +25,15 @@ mod relax;
 
 mod places;
 
+mod rolled;
+
 use nalgebra::Point2;
 
 use self::disc::Disc;
-use self::implicit::{Oriented, surface_through};
+use self::implicit::{Oriented, Triangles, surface_through};
 use self::places::places_of;
 use self::relax::Map;
+pub use self::rolled::{Rolled, rolled};
 use self::tutte::on_circle;
 use super::embedding::on_axes;
 use super::tangents::Tangents;
@@ -53,6 +58,21 @@ pub struct Unrolled {
 /// # Errors
 /// When it is cancelled.
 pub fn unrolled(surface: &Surface, cancel: &dyn Cancel) -> Result<Option<Unrolled>, Cancelled> {
+    let Some(disc) = Disc::of(mesh_of(surface, cancel)?, cancel)? else { return Ok(None) };
+    let Some(first) = on_circle(&disc, cancel)? else { return Ok(None) };
+    let mut map = Map::new(&disc, first);
+    if !map.relax(cancel)? {
+        return Ok(None);
+    }
+    let stretch = stretch(&map, cancel)?;
+    let plane = on_axes(&map.places);
+    let corners: Vec<_> = disc.triangles.iter().map(|triangle| triangle.map(|v| plane[v as usize])).collect();
+    let places = places_of(&surface.positions, &disc, &corners, cancel)?;
+    Ok(Some(Unrolled { places, stretch }))
+}
+
+/// The mesh of a sheet with two sides.
+fn mesh_of(surface: &Surface, cancel: &dyn Cancel) -> Result<Triangles, Cancelled> {
     let tangents = Tangents::of(surface, cancel)?;
     let mut points = Oriented::default();
     for (position, normal) in surface.positions.iter().zip(tangents.normals()) {
@@ -61,17 +81,7 @@ pub fn unrolled(surface: &Surface, cancel: &dyn Cancel) -> Result<Option<Unrolle
             points.normals.push(normal);
         }
     }
-    let mesh = surface_through(&points, cancel)?;
-    let Some(disc) = Disc::of(mesh, cancel)? else { return Ok(None) };
-    let Some(first) = on_circle(&disc, cancel)? else { return Ok(None) };
-    let mut map = Map::new(&disc, first);
-    if !map.relax(cancel)? {
-        return Ok(None);
-    }
-    let stretch = stretch(&map, cancel)?;
-    let plane = on_axes(&map.places);
-    let places = places_of(&surface.positions, &disc, &plane, cancel)?;
-    Ok(Some(Unrolled { places, stretch }))
+    surface_through(&points, cancel)
 }
 
 /// What a map does to lengths.
@@ -193,6 +203,50 @@ mod tests {
         let keep: Vec<u32> = (0..band.positions.len()).filter(|&p| band.positions[p].z < 6.0).map(id).collect();
         band = band.part(&keep, &Never).expect("not stopped");
         assert!(unrolled(&band, &Never).expect("not stopped").is_none(), "a band");
+    }
+
+    /// Points about one apart on a cone's wall of a length, with some noise, each touching those around it.
+    fn ring(first_radius: f64, slope: f64, length: usize) -> Surface {
+        let uneven = |n: usize, step: f64| (n as f64 * step).fract() - 0.5;
+        let mut positions = Vec::new();
+        for row in 0..length {
+            let radius = first_radius + slope * row as f64;
+            let count = (TAU * radius).round();
+            let mut k = 0.0;
+            while k < count {
+                let (turn, radius) = (TAU * k / count, radius + 0.2 * uneven(positions.len(), 0.754_877));
+                let height = row as f64 * (1.0 - slope * slope).sqrt();
+                positions.push(Point3::new(radius * turn.cos(), radius * turn.sin(), height));
+                k += 1.0;
+            }
+        }
+        let near = |a: usize, b: usize| a != b && (positions[a] - positions[b]).norm() < 1.7;
+        let adjacency = (0..positions.len()).map(|a| (0..positions.len()).filter(|&b| near(a, b)).map(id).collect());
+        Surface { adjacency: adjacency.collect(), positions: positions.clone() }
+    }
+
+    #[test]
+    fn a_sheet_with_one_hole_is_laid_in_a_strip_that_begins_again() {
+        for (slope, energy) in [(0.0, 1.01), (0.5, 1.03), (0.9, 1.08)] {
+            let surface = ring(9.0, slope, 14);
+            let found = rolled(&surface, &Never).expect("not stopped").expect("a ring");
+            let places: Vec<Point2<f64>> = found.places.iter().copied().flatten().collect();
+            assert_eq!(places.len(), surface.positions.len(), "{slope}: all points lie on the mesh");
+            let tangents = Tangents::of(&surface, &Never).expect("not stopped");
+            let distortion = tangents.distortion_round(&places, Some(found.period)).expect("judged");
+            assert_eq!(distortion.turned_over, 0.0, "{slope}");
+            let middle = TAU * (9.0 + slope * 6.5);
+            assert!((found.period / middle - 1.0).abs() < 0.05, "{slope}: {:.1} of {middle:.1}", found.period);
+            assert!((1.0..energy).contains(&found.stretch.energy), "{slope}: {:?}", found.stretch);
+        }
+    }
+
+    #[test]
+    fn what_has_no_hole_is_laid_in_no_strip() {
+        assert!(rolled(&bowl(1.6), &Never).expect("not stopped").is_none(), "a bowl");
+        assert!(rolled(&bowl(PI), &Never).expect("not stopped").is_none(), "a ball");
+        assert!(rolled(&Surface::default(), &Never).expect("not stopped").is_none(), "nothing");
+        assert!(rolled(&ring(9.0, 0.0, 14), &Stopped).is_err());
     }
 
     #[test]

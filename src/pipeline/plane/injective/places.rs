@@ -12,14 +12,14 @@ use crate::numerics::points::Points;
 /// not 0.1 %; with 5 none, but a string is carried on straight.
 const REACH: f64 = 3.0;
 
-/// The places of points; `None` of those that lie off the mesh.
+/// The places of points, by those of the corners of all triangles; `None` of those that lie off the mesh.
 ///
 /// # Errors
 /// When it is cancelled.
 pub(super) fn places_of(
     positions: &[Point3<f64>],
     disc: &Disc,
-    plane: &[Point2<f64>],
+    corners: &[[Point2<f64>; 3]],
     cancel: &dyn Cancel,
 ) -> Result<Vec<Option<Point2<f64>>>, Cancelled> {
     let mut middles = Vec::with_capacity(disc.triangles.len());
@@ -28,10 +28,10 @@ pub(super) fn places_of(
         middles.push(Point3::from(sum / 3.0));
     }
     let tree = Points::new(&middles);
-    each(positions, POINTS_PER_TASK, |p| place_of(*p, &tree, disc, plane), cancel)
+    each(positions, POINTS_PER_TASK, |p| place_of(*p, &tree, disc, corners), cancel)
 }
 
-fn place_of(p: Point3<f64>, tree: &Points, disc: &Disc, plane: &[Point2<f64>]) -> Option<Point2<f64>> {
+fn place_of(p: Point3<f64>, tree: &Points, disc: &Disc, plane: &[[Point2<f64>; 3]]) -> Option<Point2<f64>> {
     let mut best: Option<(f64, usize)> = None;
     let mut near = tree.within(p, REACH);
     near.sort_unstable();
@@ -42,11 +42,11 @@ fn place_of(p: Point3<f64>, tree: &Points, disc: &Disc, plane: &[Point2<f64>]) -
             best = Some((squared, k));
         }
     }
-    let triangle = disc.triangles[best?.1];
-    let shares = shares_at(p, triangle.map(|v| disc.positions[v as usize]))?;
+    let (_, nearest) = best?;
+    let shares = shares_at(p, disc.triangles[nearest].map(|v| disc.positions[v as usize]))?;
     let mut place = Point2::origin();
-    for (v, share) in triangle.iter().zip(shares) {
-        place += plane[*v as usize].coords * share;
+    for (corner, share) in plane[nearest].iter().zip(shares) {
+        place += corner.coords * share;
     }
     Some(place)
 }

@@ -40,6 +40,9 @@ pub(super) struct Map<'a> {
     shapes: Vec<Shape>,
     around: Memberships,
     pub places: Vec<Point2<f64>>,
+    /// How far the corners of each triangle lie from the places of their vertices along the first axis; empty where they lie
+    /// there. Of a ring some lie a turn on.
+    shifts: Vec<[f64; 3]>,
 }
 
 /// A triangle in its own plane.
@@ -130,12 +133,28 @@ impl<'a> Map<'a> {
             shapes.push(shape);
             around[k] = triangle.to_vec();
         }
-        Self { disc, shapes, around: Memberships::of(&around), places }
+        Self { disc, shapes, around: Memberships::of(&around), places, shifts: Vec::new() }
+    }
+
+    /// The same of a ring: some corners of its triangles lie a turn on.
+    pub fn shifted(self, shifts: Vec<[f64; 3]>) -> Self {
+        Self { shifts, ..self }
+    }
+
+    /// How far the corners of a triangle lie from the places of their vertices.
+    fn shift(&self, k: usize) -> [Vector2<f64>; 3] {
+        self.shifts.get(k).copied().unwrap_or_default().map(|x| Vector2::new(x, 0.0))
+    }
+
+    /// Where the corners of a triangle lie.
+    pub fn corners(&self, k: usize, places: &[Point2<f64>]) -> [Point2<f64>; 3] {
+        let (triangle, shift) = (self.disc.triangles[k], self.shift(k));
+        [0, 1, 2].map(|corner| places[triangle[corner] as usize] + shift[corner])
     }
 
     /// The maps of all triangles.
     fn maps(&self, places: &[Point2<f64>], cancel: &dyn Cancel) -> Result<Vec<Matrix2<f64>>, Cancelled> {
-        let map = |k: usize| self.shapes[k].map(self.disc.triangles[k].map(|v| places[v as usize]));
+        let map = |k: usize| self.shapes[k].map(self.corners(k, places));
         each_number(self.shapes.len(), POINTS_PER_TASK, map, cancel)
     }
 
@@ -200,8 +219,10 @@ impl<'a> Map<'a> {
             let (shape, pull) = (&self.shapes[k as usize], &pulls[k as usize]);
             let own = shape.slopes[corner as usize];
             right += shape.area * (pull.metric * pull.turn * own)[axis];
-            for (n, slope) in self.disc.triangles[k as usize].iter().zip(&shape.slopes) {
+            let shifts = self.shift(k as usize);
+            for ((n, slope), shift) in self.disc.triangles[k as usize].iter().zip(&shape.slopes).zip(shifts) {
                 let weight = shape.area * own.dot(slope);
+                right -= weight * (pull.metric * shift)[axis];
                 sums.add(2 * n, weight * pull.metric[(axis, 0)]);
                 sums.add(2 * n + 1, weight * pull.metric[(axis, 1)]);
             }
@@ -230,8 +251,8 @@ impl<'a> Map<'a> {
     /// The share of the way to the aims at which the first triangle has no area.
     fn first_flip(&self, aims: &[Point2<f64>]) -> f64 {
         let mut first = f64::INFINITY;
-        for triangle in &self.disc.triangles {
-            let [a, b, c] = triangle.map(|v| self.places[v as usize]);
+        for (k, triangle) in self.disc.triangles.iter().enumerate() {
+            let [a, b, c] = self.corners(k, &self.places);
             let [da, db, dc] = triangle.map(|v| aims[v as usize] - self.places[v as usize]);
             let (p, q, dp, dq) = (b - a, c - a, db - da, dc - da);
             first = first.min(first_zero(dp.perp(&dq), dp.perp(&q) + p.perp(&dq), p.perp(&q)));
