@@ -4,14 +4,18 @@
 //! 2. where it is narrow or long, the sections of the tube say what it is: round ones are those of a tube;
 //! 3. where the sheets are not sound (vectors cross, many nodes are spoilt, or little of the solid is filled), a tube takes
 //!    their place that is sound and fills more.
+//!
+//! Of the ways to lay a sheet with one hole, whole or cut, the first one that is sound is taken.
 
 use super::PipelineError;
-use super::context::Context;
+use super::context::{Context, Notes};
+use super::cutting::{RING, Rings};
 use super::medial::MedialSurface;
+use super::sheets::Joining;
 use super::solid::Solid;
 use super::solid::depth::Depth;
 use super::soundness::{SOUND_OVERLAP, Soundness};
-use super::stages::{Figures, sheet_figures};
+use super::stages::{Figures, Ways, sheet_figures};
 use super::tubes::{TubeDraft, Tubes, tubes};
 use crate::cancel::Cancelled;
 use crate::model::{KindEvidence, Refusal, Stage};
@@ -73,8 +77,7 @@ pub(super) fn figures(
 ) -> Result<Chosen, PipelineError> {
     let kinds = context.params.kinds;
     if !kinds.may_be_tubes() {
-        let figures = sheet_figures(solid, depth, surface, context)?;
-        let soundness = Soundness::of(solid, &figures.drafts(), context)?;
+        let (figures, soundness) = sheets_of(solid, depth, surface, context)?;
         return Ok(Chosen { figures, soundness, tubes: None });
     }
     if !kinds.may_be_sheets() {
@@ -82,9 +85,9 @@ pub(super) fn figures(
         return Ok(tubes.chosen());
     }
     let attempt = context.apart();
-    let outcome = sheet_figures(solid, depth, surface, &attempt);
+    let outcome = sheets_of(solid, depth, surface, &attempt);
     let sheets = match outcome {
-        Ok(sheets) => Sheets::of(sheets, solid, context)?,
+        Ok((figures, soundness)) => Sheets::of(figures, soundness, solid),
         Err(PipelineError::Refused(refusal)) if may_be_tube(&refusal) => {
             let other = context.apart();
             let mut tubes = as_tubes(solid, &other)?;
@@ -115,6 +118,90 @@ pub(super) fn figures(
             context.take_in(other.into_notes().without_warnings(), None);
             Ok(sheets.chosen(tubes))
         }
+    }
+}
+
+/// The sheets of a solid, and how well they stand for it, laid in the first of these ways that suits it:
+///
+/// 1. rings whole, where there are, if that is sound;
+/// 2. where sheets were left out that might be strips of a ring, these joined, if that makes a sound ring;
+/// 3. rings cut, if that stands for it better.
+fn sheets_of(
+    solid: &Solid,
+    depth: &Depth,
+    surface: &MedialSurface,
+    context: &Context<'_>,
+) -> Result<(Figures, Soundness), PipelineError> {
+    let attempt = |joining, rings| Attempt::of((solid, depth, surface), Ways { joining, rings }, context);
+    let whole = attempt(Joining::Alone, Rings::Whole);
+    if whole.is_stopped() || whole.is_sound_ring() {
+        return whole.taken(context);
+    }
+    if whole.has_ring() {
+        let cut = attempt(Joining::Alone, Rings::Cut);
+        let [kept, other] = if whole.stands_as_well_as(&cut) { [whole, cut] } else { [cut, whole] };
+        context.take_in(other.notes.without_warnings(), None);
+        return kept.taken(context);
+    }
+    if whole.may_be_in_strips(solid) {
+        let joined = attempt(Joining::Smooth, Rings::Whole);
+        let [kept, other] = if joined.is_sound_ring() { [joined, whole] } else { [whole, joined] };
+        context.take_in(other.notes.without_warnings(), None);
+        return kept.taken(context);
+    }
+    whole.taken(context)
+}
+
+/// Sheets that were tried.
+struct Attempt {
+    found: Result<(Figures, Soundness), PipelineError>,
+    notes: Notes,
+}
+
+impl Attempt {
+    fn of((solid, depth, surface): (&Solid, &Depth, &MedialSurface), ways: Ways, context: &Context<'_>) -> Self {
+        let own = context.apart();
+        let figures = sheet_figures(solid, depth, surface, ways, &own);
+        let found = figures.and_then(|figures| {
+            let soundness = Soundness::of(solid, &figures.drafts(), context)?;
+            Ok((figures, soundness))
+        });
+        Self { found, notes: own.into_notes() }
+    }
+
+    fn is_stopped(&self) -> bool {
+        matches!(self.found, Err(PipelineError::Cancelled(_)))
+    }
+
+    fn has_ring(&self) -> bool {
+        self.notes.tell_of(RING)
+    }
+
+    fn is_sound_ring(&self) -> bool {
+        self.has_ring() && self.found.as_ref().is_ok_and(|(_, soundness)| soundness.is_sound())
+    }
+
+    /// Whether nothing speaks for another one instead.
+    fn stands_as_well_as(&self, other: &Self) -> bool {
+        match (&self.found, &other.found) {
+            (Ok((_, own)), Ok((_, other))) => !other.is_better_than(*own),
+            (Ok(_), Err(PipelineError::Refused(_))) => true,
+            _ => false,
+        }
+    }
+
+    /// Whether it may be a ring of which strips were left out: what is left fills the solid all the same.
+    fn may_be_in_strips(&self, solid: &Solid) -> bool {
+        /// Tunnels of a solid with one ring at the most: noise makes some more.
+        const TUNNELS: i64 = 3;
+        let fills = |(figures, soundness): &(Figures, Soundness)| figures.pruned() > 0 && soundness.fills();
+        (1..=TUNNELS).contains(&solid.tunnels) && self.found.as_ref().is_ok_and(fills)
+    }
+
+    /// With what was noted.
+    fn taken(self, context: &Context<'_>) -> Result<(Figures, Soundness), PipelineError> {
+        context.take_in(self.notes, None);
+        self.found
     }
 }
 
@@ -196,9 +283,8 @@ struct Sheets {
 }
 
 impl Sheets {
-    fn of(figures: Figures, solid: &Solid, context: &Context<'_>) -> Result<Self, Cancelled> {
+    fn of(figures: Figures, soundness: Soundness, solid: &Solid) -> Self {
         let drafts = figures.drafts();
-        let soundness = Soundness::of(solid, &drafts, context)?;
         let width_in_radii = drafts.first().map_or(0.0, |main| {
             let radius_mm = mean(main.radii()).unwrap_or(0.0) * solid.unit_mm;
             main.choices().width_mm / radius_mm.max(f64::MIN_POSITIVE)
@@ -206,7 +292,7 @@ impl Sheets {
         let aspect = drafts
             .first()
             .map_or(1.0, |main| main.choices().length_mm / main.choices().width_mm.max(f64::MIN_POSITIVE));
-        Ok(Self { figures, width_in_radii, aspect, soundness })
+        Self { figures, width_in_radii, aspect, soundness }
     }
 
     /// Whether it is worth looking at the sections of a tube.

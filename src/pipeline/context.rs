@@ -53,6 +53,11 @@ impl Notes {
         Self { warnings, ..Self::default() }
     }
 
+    /// Whether a warning was given.
+    pub(super) fn tell_of(&self, code: &str) -> bool {
+        self.warnings.iter().any(|warning| warning.code == code)
+    }
+
     /// The time alone, of what was not used.
     pub(super) fn without_warnings(self) -> Self {
         Self { warnings: Vec::new(), ..self }

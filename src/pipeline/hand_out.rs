@@ -140,9 +140,25 @@ fn flat_points(solid: &Solid, positions: &[Point3<f64>], flat: &Flat) -> FlatPoi
 /// Where the figures that were kept meet.
 fn junctions(solid: &Solid, group: &Group) -> Vec<Junction> {
     match &group.figures {
-        Figures::Sheets { sheets, drafts, .. } => hinges((solid, &group.surface), sheets, drafts),
+        Figures::Sheets { sheets, drafts, .. } => {
+            let mut all = hinges((solid, &group.surface), sheets, drafts);
+            all.extend(banks(solid, drafts));
+            all
+        }
         Figures::Tubes(tubes) => forks(solid, &tubes.forks),
     }
+}
+
+/// Where rings meet themselves.
+fn banks(solid: &Solid, drafts: &[Option<Draft>]) -> Vec<Junction> {
+    let mut all = Vec::new();
+    for (number, Draft { nodes, .. }) in drafts.iter().flatten().enumerate() {
+        if nodes.links().is_ring {
+            let bank: Vec<Point3<f64>> = nodes.medial.iter().step_by(nodes.size.cols).copied().collect();
+            all.push(Junction { figures: vec![number; 2], points: solid.in_world(&bank) });
+        }
+    }
+    all
 }
 
 /// Where tubes meet.

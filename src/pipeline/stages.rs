@@ -21,7 +21,7 @@
 //! [`Context`]; where it leaves the paper, the head of its folder says why.
 
 use super::context::{Context, Part};
-use super::cutting::laid_flat;
+use super::cutting::{Rings, laid_flat};
 use super::division::{Division, divided};
 use super::draft::{AnyDraft, Draft};
 use super::hand_out::hand_out;
@@ -29,7 +29,7 @@ use super::lattice::lattices;
 use super::medial::{MedialSurface, medial_surface};
 use super::plane::{Framed, framed};
 use super::quality::{Answered, quality};
-use super::sheets::{Sheets, sheets};
+use super::sheets::{Joining, Sheets, sheets};
 use super::sides::{SheetSides, sides};
 use super::solid::changes::Changes;
 use super::solid::cut_out::{Label, refuse_background};
@@ -207,6 +207,13 @@ fn worked(
     Ok(Worked { part: number, solid, changes, skin, division })
 }
 
+/// How sheets are found and laid.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ways {
+    pub joining: Joining,
+    pub rings: Rings,
+}
+
 /// The sheets of a solid.
 ///
 /// # Errors
@@ -215,10 +222,11 @@ pub(super) fn sheet_figures(
     solid: &Solid,
     depth: &Depth,
     surface: &MedialSurface,
+    ways: Ways,
     context: &Context<'_>,
 ) -> Result<Figures, PipelineError> {
-    let sheets = context.stage(Stage::Sheets, || sheets(surface, solid, depth, context))?;
-    let laid = context.stage(Stage::Isomap, || laid_flat(surface, sheets, solid, context))?;
+    let sheets = context.stage(Stage::Sheets, || sheets(surface, solid, depth, ways.joining, context))?;
+    let laid = context.stage(Stage::Isomap, || laid_flat(surface, sheets, solid, ways.rings, context))?;
     let sides = context.stage(Stage::Sides, || sides(solid, depth, surface, &laid.sheets, context))?;
     let drafts = drafts(solid, depth, &sides, laid.flat, context)?;
     Ok(Figures::Sheets { sheets: laid.sheets, sides, drafts })

@@ -63,6 +63,7 @@ mod pipeline_cut;
 mod pipeline_division;
 
 mod pipeline_bowls;
+mod pipeline_rings;
 
 mod pipeline_grain;
 

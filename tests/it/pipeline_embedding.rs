@@ -6,7 +6,7 @@ use medialrep::params::{Correspondence, Embedding, Landmarks, Neighbors, Params}
 use medialrep::pipeline::PipelineError;
 use medialrep::pipeline::medial::medial_surface;
 use medialrep::pipeline::plane::embedding::{MAX_TURNED_OVER, Method, flatten};
-use medialrep::pipeline::sheets::sheets;
+use medialrep::pipeline::sheets::{Joining, sheets};
 use medialrep::pipeline::surface::Surface;
 
 use crate::help::phantoms::{check_invariants, context, deepened, defaults, model_of, params, run_of, volume};
@@ -17,7 +17,7 @@ fn sheets_of(name: &str) -> Vec<Surface> {
     let params = defaults();
     let context = context(&params);
     let surface = medial_surface(&solid, &depth, &context).expect("not cancelled");
-    let found = sheets(&surface, &solid, &depth, &context).expect("not cancelled");
+    let found = sheets(&surface, &solid, &depth, Joining::Alone, &context).expect("not cancelled");
     let mut all = Vec::new();
     for members in &found.members {
         let sheet = surface.part(members, &Never).expect("not cancelled");

@@ -1,7 +1,7 @@
 //! Shapes that are refused by name, each through the whole pipeline.
 
 use medialrep::model::{Refusal, Structure};
-use medialrep::params::Params;
+use medialrep::params::{Embedding, Params};
 use medialrep::pipeline::PipelineError;
 use medialrep::space::{LabelVolume, significant};
 use nalgebra::Rotation3;
@@ -29,10 +29,31 @@ fn holed(radius: f64) -> LabelVolume {
     })
 }
 
+/// A plate of 80 × 40 × 8 voxels with two round holes.
+fn holed_twice() -> LabelVolume {
+    painted([90, 50, 18], [1.0; 3], |[i, j, k]| {
+        let is_plate = (5..85).contains(&i) && (5..45).contains(&j) && (5..13).contains(&k);
+        let is_hole = |middle: f64| (i as f64 - middle).hypot(j as f64 - 24.5) < 11.0;
+        u16::from(is_plate && !is_hole(25.5) && !is_hole(63.5))
+    })
+}
+
 #[test]
-fn a_sheet_with_a_large_hole_is_cut_through_it() {
-    let structure = model_of(&holed(9.0), sheets()).structures.remove(0);
-    assert_rings_of_halves(&structure, 8.0);
+fn a_sheet_with_two_large_holes_is_cut_through_them() {
+    let structure = model_of(&holed_twice(), sheets()).structures.remove(0);
+    assert!(structure.figures.len() > 1 && structure.quality.folds == 0);
+    assert!(structure.warnings.iter().any(|w| w.code == "sheet_cut" && w.message.contains("has holes")));
+    assert!(structure.quality.coverage.dice > 0.88, "overlap {:.3}", structure.quality.coverage.dice);
+}
+
+#[test]
+fn a_plate_with_one_large_hole_is_a_ring() {
+    for max_figures in [None, Some(1)] {
+        let structure = model_of(&holed(9.0), Params { max_figures, ..sheets() }).structures.remove(0);
+        assert_eq!((structure.figures.len(), structure.quality.folds), (1, 0));
+        assert!(structure.warnings.iter().any(|w| w.code == "sheet_closes"), "{:?}", structure.warnings);
+        assert!(structure.quality.coverage.dice > 0.95, "overlap {:.3}", structure.quality.coverage.dice);
+    }
 }
 
 /// Two sheets of some thickness that meet on both sides of a hole, none over it.
@@ -49,8 +70,8 @@ fn assert_rings_of_halves(structure: &Structure, thickness_mm: f64) {
 }
 
 #[test]
-fn a_sheet_with_a_large_hole_that_may_not_be_cut_is_refused() {
-    let refusal = refusal_with(&holed(9.0), Params { max_figures: Some(1), ..sheets() });
+fn a_sheet_with_large_holes_that_may_not_be_cut_is_refused() {
+    let refusal = refusal_with(&holed_twice(), Params { max_figures: Some(1), ..sheets() });
     assert_eq!(refusal.code(), "sheet_has_holes", "{refusal}");
     assert!(refusal.to_string().contains("% of its area") && refusal.hint().contains("fill the holes"));
 }
@@ -65,12 +86,13 @@ fn a_hole_two_or_four_voxels_wide_is_filled_and_said() {
 }
 
 #[test]
-fn a_flat_ring_is_two_sheets_that_meet_at_both_ends() {
+fn a_flat_ring_laid_flat_by_lle_is_two_sheets_that_meet_at_both_ends() {
     let ring = painted([70, 70, 18], [1.0; 3], |[i, j, k]| {
         let r = (i as f64 - 34.5).hypot(j as f64 - 34.5);
         u16::from((14.0..30.0).contains(&r) && (5..13).contains(&k))
     });
-    assert_rings_of_halves(&model_of(&ring, params()).structures.remove(0), 8.0);
+    let params = Params { embedding: Embedding::Lle, ..params() };
+    assert_rings_of_halves(&model_of(&ring, params).structures.remove(0), 8.0);
 }
 
 #[test]

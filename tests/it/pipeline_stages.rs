@@ -11,7 +11,7 @@ use medialrep::pipeline::lattice::map::SpaceFromPlane;
 use medialrep::pipeline::medial::{MedialSurface, medial_surface};
 use medialrep::pipeline::plane::embedding::{EmbeddingError, Method, flatten};
 use medialrep::pipeline::plane::region::Region;
-use medialrep::pipeline::sheets::sheets;
+use medialrep::pipeline::sheets::{Joining, sheets};
 use medialrep::pipeline::sides::sides;
 use medialrep::pipeline::solid::Solid;
 use medialrep::pipeline::solid::depth::Depth;
@@ -82,7 +82,7 @@ fn sides_lie_on_opposite_sides_and_are_one_piece() {
     let (solid, depth, surface) = thinned(&volume("twisted"));
     let params = defaults();
     let context = context(&params);
-    let found = sheets(&surface, &solid, &depth, &context).unwrap();
+    let found = sheets(&surface, &solid, &depth, Joining::Alone, &context).unwrap();
     let sides = sides(&solid, &depth, &surface, &found, &context).expect("orientable");
     assert_eq!(sides.len(), 1);
     for (side, sign) in [(&sides[0].upper, 1.0), (&sides[0].lower, -1.0)] {

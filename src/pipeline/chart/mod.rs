@@ -16,16 +16,20 @@ mod patch;
 
 mod slide;
 
+mod round;
+
 use nalgebra::{Point2, Point3};
 
 pub use self::corners::Ends;
 use self::patch::Patch;
+pub use self::round::{LEAST_ROUND, Strip};
 use self::slide::{equal_shares, evenly_spaced};
 use crate::cancel::{Cancel, Cancelled};
-use crate::model::{LatticeSize, ring};
+use crate::model::{LatticeSize, Links, ring};
 use crate::numerics::stats::percentile;
 use crate::params::LatticeKind;
 use crate::pipeline::plane::region::Region;
+use crate::pipeline::plane::tangents::nearest_turn;
 
 /// Size of the lattice that spaces the patch. With fewer nodes it cuts off bends; with more it takes longer to slide.
 const EVEN: LatticeSize = LatticeSize { rows: 25, cols: 49 };
@@ -42,6 +46,22 @@ pub struct Lattice {
     /// For every node of the edge, in the order of [`ring`], the place on the sheet's rim that it
     /// looks out to: along the lines of the lattice for a fitted one, its own for a regular one.
     pub rim: Vec<Point2<f64>>,
+    /// Length after which the first coordinate begins again, of a ring: its last column is the first.
+    pub period: Option<f64>,
+}
+
+impl Lattice {
+    /// Which nodes are neighbours.
+    #[must_use]
+    pub fn links(&self) -> Links {
+        Links { size: self.size, is_ring: self.period.is_some() }
+    }
+
+    /// Where a node lies, seen from another: of a ring on the same turn.
+    #[must_use]
+    pub fn seen_from(&self, other: usize, node: usize) -> Point2<f64> {
+        nearest_turn(self.nodes[node], self.nodes[other], self.period)
+    }
 }
 
 /// A region with the lines that its lattices follow.
@@ -55,6 +75,8 @@ pub struct Chart {
 enum Lines {
     /// Those of a patch that follows the outline: up to the inset, and up to the outline.
     Fitted { inner: Patch, outer: Patch, ends: Ends },
+    /// Those of a ring, which begin again, and their mean lengths in space, round and across.
+    Round { patch: Patch, period: f64, extents: [f64; 2] },
     /// Those of the rectangle round it, from its lowest to its highest corner.
     Regular([Point2<f64>; 2]),
 }
@@ -85,7 +107,7 @@ impl Chart {
             Lines::Fitted { inner, outer, ends } => {
                 Lines::Fitted { inner: inner.measured_in_space(position), outer, ends }
             }
-            regular @ Lines::Regular(_) => regular,
+            others @ (Lines::Regular(_) | Lines::Round { .. }) => others,
         };
         Self { region, lines }
     }
@@ -94,6 +116,12 @@ impl Chart {
     #[must_use]
     pub fn region(&self) -> &Region {
         &self.region
+    }
+
+    /// The lengths of its lines on the whole, the longer first; of a ring round it and across.
+    #[must_use]
+    pub fn extents(&self) -> [f64; 2] {
+        if let Lines::Round { extents, .. } = &self.lines { *extents } else { self.region.rectangle() }
     }
 
     /// A lattice of a size. `margin`: share of each line left free at its ends.
@@ -108,7 +136,7 @@ impl Chart {
                 Ok(self.checked(size, nodes, rim))
             }
             Lines::Fitted { inner, outer, ends } => {
-                let mut shares = evenly_spaced(inner, size, margin, cancel)?;
+                let mut shares = evenly_spaced(inner, size, [margin; 2], cancel)?;
                 let mut nodes = inner.places(&shares);
                 if *ends == Ends::OfTails {
                     open_corners(size, &mut nodes);
@@ -117,6 +145,7 @@ impl Chart {
                 let rim = ring(size).into_iter().map(|n| outer.at(shares[n])).collect();
                 Ok(self.checked(size, nodes, rim))
             }
+            Lines::Round { patch, period, .. } => round::lattice(patch, *period, (size, margin), cancel),
         }
     }
 
@@ -128,10 +157,11 @@ impl Chart {
         match &self.lines {
             Lines::Regular(_) => self.lattice(EVEN, 0.0, cancel),
             Lines::Fitted { inner, .. } => {
-                let nodes = inner.places(&equal_shares(EVEN, 0.0));
+                let nodes = inner.places(&equal_shares(EVEN, [0.0; 2]));
                 let rim = ring(EVEN).into_iter().map(|n| nodes[n]).collect();
                 Ok(self.checked(EVEN, nodes, rim))
             }
+            Lines::Round { patch, period, .. } => Ok(round::fine(patch, *period)),
         }
     }
 
@@ -140,9 +170,9 @@ impl Chart {
     #[must_use]
     pub(crate) fn squareness(&self) -> f64 {
         match &self.lines {
-            Lines::Regular(_) => 1.0,
+            Lines::Regular(_) | Lines::Round { .. } => 1.0,
             Lines::Fitted { inner, .. } => {
-                let mut sines = sines(EVEN, &inner.places(&equal_shares(EVEN, 0.0)));
+                let mut sines = sines(EVEN, &inner.places(&equal_shares(EVEN, [0.0; 2])));
                 sines.sort_by(f64::total_cmp);
                 percentile(&sines, 25).unwrap_or(1.0)
             }
@@ -152,14 +182,14 @@ impl Chart {
     /// A lattice that says of its nodes whether they lie inside.
     fn checked(&self, size: LatticeSize, nodes: Vec<Point2<f64>>, rim: Vec<Point2<f64>>) -> Lattice {
         let valid = nodes.iter().map(|n| self.region.contains(*n)).collect();
-        Lattice { size, nodes, valid, rim }
+        Lattice { size, nodes, valid, rim, period: None }
     }
 }
 
 /// Lines that follow the outline, evenly spaced.
 fn fitted(region: &Region, ends: Ends, inset: f64, cancel: &dyn Cancel) -> Result<Option<Lines>, Cancelled> {
     let Some(patch) = Patch::of(region, ends, cancel)? else { return Ok(None) };
-    let mut even = evenly_spaced(&patch, EVEN, inset, cancel)?;
+    let mut even = evenly_spaced(&patch, EVEN, [inset; 2], cancel)?;
     let inner = Patch::of_nodes(EVEN.rows, EVEN.cols, &patch.places(&even));
     push_to_rim(EVEN, &mut even);
     let outer = Patch::of_nodes(EVEN.rows, EVEN.cols, &patch.places(&even));
@@ -184,7 +214,7 @@ fn sines(LatticeSize { rows, cols }: LatticeSize, nodes: &[Point2<f64>]) -> Vec<
 
 /// The paper's rectangle: the bounding box of the region less the margin.
 fn regular([low, high]: [Point2<f64>; 2], size: LatticeSize, margin: f64) -> Vec<Point2<f64>> {
-    let shares = equal_shares(size, margin);
+    let shares = equal_shares(size, [margin; 2]);
     shares.iter().map(|s| low + (high - low).component_mul(&s.coords)).collect()
 }
 

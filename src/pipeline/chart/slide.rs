@@ -23,12 +23,12 @@ pub(super) fn share(k: usize, count: usize, margin: f64) -> f64 {
     margin + (1.0 - 2.0 * margin) * k as f64 / (count - 1) as f64
 }
 
-/// Equal shares of the nodes, row-major.
-pub(super) fn equal_shares(size: LatticeSize, margin: f64) -> Vec<Point2<f64>> {
+/// Equal shares of the nodes, row-major. `margins`: left free at the ends of rows and of columns.
+pub(super) fn equal_shares(size: LatticeSize, margins: [f64; 2]) -> Vec<Point2<f64>> {
     let mut shares = Vec::with_capacity(size.rows * size.cols);
     for i in 0..size.rows {
         for j in 0..size.cols {
-            shares.push(Point2::new(share(j, size.cols, margin), share(i, size.rows, margin)));
+            shares.push(Point2::new(share(j, size.cols, margins[0]), share(i, size.rows, margins[1])));
         }
     }
     shares
@@ -38,11 +38,11 @@ pub(super) fn equal_shares(size: LatticeSize, margin: f64) -> Vec<Point2<f64>> {
 pub(super) fn evenly_spaced(
     patch: &Patch,
     size: LatticeSize,
-    margin: f64,
+    margins: [f64; 2],
     cancel: &dyn Cancel,
 ) -> Result<Vec<Point2<f64>>, Cancelled> {
     let LatticeSize { rows, cols } = size;
-    let first = equal_shares(size, margin);
+    let first = equal_shares(size, margins);
     let mut shares = first.clone();
     for _ in 0..SLIDE_ROUNDS {
         let mut moved = 0.0f64;

@@ -12,7 +12,8 @@
 //! Two kinds of sheets can be laid flat and have no lattice: one that forks around a notch, of which an arm is cut off,
 //! and one that bends in its own plane, like an L, whose rows would run into the bend at small angles (`part`).
 //!
-//! 1. A sheet without a plane of its own is unrolled by its mesh, if that is a disc;
+//! 1. A sheet without a plane of its own is unrolled by its mesh, if that is a disc, and a sheet with one hole (a band, a
+//!    washer) is laid in a strip that begins again, if its mesh is a ring (`rings`);
 //! 2. strings of single voxels, which no lattice covers, are taken off a sheet that has no plane of its own;
 //! 3. of a sheet that forks, an arm is cut off;
 //! 4. any other sheet without a plane or a lattice is cut in two across one axis of the plane, where that leaves the lower
@@ -25,6 +26,8 @@ mod arms;
 
 mod bowls;
 
+mod rings;
+
 mod part;
 
 use self::arms::{MIN_ARM, arm};
@@ -34,7 +37,8 @@ use std::cell::Cell;
 use crate::cancel::{Cancel, Cancelled};
 use crate::numerics::field::{floor_index, id};
 use crate::numerics::flood::within_steps;
-use crate::params::{Embedding, Landmarks};
+use crate::params::{Embedding, GridChoice, Landmarks, LatticeKind};
+use crate::pipeline::chart::LEAST_ROUND;
 use crate::pipeline::context::Context;
 use crate::pipeline::kind::{Kind, kind};
 use crate::pipeline::medial::MedialSurface;
@@ -61,6 +65,18 @@ const PLACES: [f64; 5] = [0.3, 0.4, 0.5, 0.6, 0.7];
 /// nine times its own; a gyroid, of which each cut leaves nearly as many holes, took more than two million.
 const MOST_LAID: usize = 1_000_000;
 
+/// The warning that tells of a ring.
+pub const RING: &str = "sheet_closes";
+
+/// What becomes of sheets with one hole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rings {
+    /// They stay whole, where that is sound.
+    Whole,
+    /// They are cut as other sheets are.
+    Cut,
+}
+
 /// Sheets with the planes they were laid in.
 pub struct Laid {
     /// The sheets.
@@ -78,6 +94,8 @@ struct Cutter<'a> {
     measure: Measure,
     /// Whether what has no plane may be unrolled.
     may_unroll: bool,
+    /// Whether what has one hole may be a ring.
+    may_close: bool,
     /// Points that may still be laid out.
     left: Cell<usize>,
     context: &'a Context<'a>,
@@ -91,6 +109,7 @@ pub fn laid_flat(
     surface: &MedialSurface,
     sheets: Sheets,
     solid: &Solid,
+    rings: Rings,
     context: &Context<'_>,
 ) -> Result<Laid, Cancelled> {
     let params = context.params;
@@ -99,7 +118,9 @@ pub fn laid_flat(
     // The other embeddings are there to be looked at as they are.
     let may_unroll = params.embedding == Embedding::Isomap && !params.are_of_paper();
     let (voxel_mm, has_tunnels) = (solid.unit_mm, solid.has_tunnels());
-    let cutter = Cutter { surface, voxel_mm, has_tunnels, measure, may_unroll, left, context };
+    let has_columns = !matches!(params.grid, GridChoice::Fixed { cols, .. } if cols < LEAST_ROUND);
+    let may_close = may_unroll && rings == Rings::Whole && params.lattice == LatticeKind::Fitted && has_columns;
+    let cutter = Cutter { surface, voxel_mm, has_tunnels, measure, may_unroll, may_close, left, context };
     let mut spare = params.max_figures.unwrap_or(usize::MAX).saturating_sub(sheets.members.len());
     let mut label = sheets.sheet_of.clone();
     let mut laid = Vec::new();
@@ -112,13 +133,16 @@ pub fn laid_flat(
             for (k, part) in parts.iter_mut().enumerate() {
                 if params.landmarks != Landmarks::Auto {
                     let is_bare = part.is_bare;
-                    *part = cutter.flattened(cutter.lay(&part.members, params.landmarks)?)?;
+                    *part = cutter.closed_round(cutter.flattened(cutter.lay(&part.members, params.landmarks)?)?)?;
                     part.is_bare |= is_bare;
                 }
                 set_label(&mut label, &part.members, id(sheets.members.len() + laid.len() + k));
             }
         }
         match &parts[..] {
+            [part] if part.is_ring() => {
+                context.warn(RING, said_of_ring(number, before, members.len(), part));
+            }
             [part] if part.is_unrolled() => {
                 context.warn("sheet_unrolled", said_of_bowl(number, before, members.len(), part));
             }
@@ -189,6 +213,16 @@ fn said_of_bowl(number: usize, before: Faults, points: usize, part: &Part) -> St
     message
 }
 
+/// What was done to a sheet that is a ring.
+fn said_of_ring(number: usize, before: Faults, points: usize, part: &Part) -> String {
+    let mut message = format!("sheet {number} goes round a hole ({before}): it is one figure, which meets itself");
+    let left = points - part.members.len();
+    if left > 0 {
+        message += &format!("; {left} of its {points} points lie off the mesh and were left out");
+    }
+    message
+}
+
 /// The faults of the worst part.
 fn worst(parts: &[Part]) -> Option<Faults> {
     parts.iter().map(|part| part.faults).max_by(|a, b| a.worse().total_cmp(&b.worse()))
@@ -199,7 +233,7 @@ impl Cutter<'_> {
     fn cut(&self, whole: Part, spare: &mut usize) -> Result<Vec<Part>, Cancelled> {
         let (mut parts, mut done) = (vec![whole], Vec::new());
         while let Some(part) = parts.pop() {
-            let part = self.flattened(part)?;
+            let part = self.closed_round(self.flattened(part)?)?;
             let pieces = if self.is_refused(&part)? { Vec::new() } else { self.pieces(&part, *spare)? };
             if pieces.is_empty() {
                 done.push(part);

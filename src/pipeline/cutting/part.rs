@@ -144,6 +144,11 @@ pub(super) struct Part {
 }
 
 impl Part {
+    /// Whether it meets itself round a hole.
+    pub fn is_ring(&self) -> bool {
+        self.flat.as_ref().is_some_and(|flat| flat.period.is_some())
+    }
+
     /// Whether it lies in the plane of its mesh, not in ISOMAP's.
     pub fn is_unrolled(&self) -> bool {
         self.flat.as_ref().is_some_and(Flat::is_unrolled)

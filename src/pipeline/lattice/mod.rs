@@ -16,10 +16,13 @@ pub(crate) mod rim;
 
 pub mod map;
 
+mod closing;
+
 pub(in crate::pipeline) mod chords;
 
 pub(in crate::pipeline) mod size;
 
+use self::closing::closing;
 use self::map::SpaceFromPlane;
 use self::rim::{WholeSheet, to_rim};
 use self::size::{automatic, respaced};
@@ -85,6 +88,9 @@ pub fn lattices(
     if number == 0 {
         check_kind(&own_region, sheet, solid)?;
     }
+    if let Some(period) = flat.medial.period {
+        return round(solid, depth, sheet, (framed, period), number, context);
+    }
     let is_anchored = context.params.correspondence == Correspondence::Anchored;
     let points = if is_anchored { widened(sheet, &flat.medial, depth, context)? } else { SheetPoints::default() };
     let is_widened = points.flat.len() > flat.medial.points.len();
@@ -112,6 +118,25 @@ pub fn lattices(
         chart = chart.spaced_in_space(|place| map.node(place).position);
     }
     let (size, choices) = sized(flat, (&chart, &whole.points), solid, number, context)?;
+    let lattice = spaced_as_asked(&chart, size, solid, context)?;
+    Ok((choices, Laid::Anchored { whole: Box::new(whole), chart: Box::new(chart), lattice }))
+}
+
+/// The lattice of a ring.
+fn round(
+    solid: &Solid,
+    depth: &Depth,
+    sheet: &SheetSides,
+    (framed, period): (&Framed, f64),
+    number: usize,
+    context: &Context<'_>,
+) -> Result<(Automatic, Laid), PipelineError> {
+    warn_of_frame(&framed.frame, number, context);
+    let points = SheetPoints::of(sheet, &framed.flat.medial);
+    let laid = closing(&points, period, &sheet.hinge, (solid, depth), context)?;
+    let (whole, chart) = laid.ok_or_else(|| too_small(sheet))?;
+    check_holes(whole.region.hole_share, solid, number, context)?;
+    let (size, choices) = sized(&framed.flat, (&chart, &whole.points), solid, number, context)?;
     let lattice = spaced_as_asked(&chart, size, solid, context)?;
     Ok((choices, Laid::Anchored { whole: Box::new(whole), chart: Box::new(chart), lattice }))
 }

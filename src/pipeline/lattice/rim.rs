@@ -20,7 +20,7 @@ use crate::pipeline::solid::depth::Depth;
 
 /// How far inside of the outline the walk starts, voxels: where fits are sound. From 1, a caudate has 9 folded corners
 /// before repair, not 4; from 3.5, a spleen has 12, not 6, and medial nodes of a gluteus lie twice as far from the middle.
-const START: f64 = 2.0;
+pub(super) const START: f64 = 2.0;
 /// Gap at which the ball counts as touching straight ahead, voxels: what the boundary is known to. With 1, masks lie up to
 /// a quarter further from the model and three times as many corners are folded before repair (12 of a caudate, 18 of a
 /// spleen); with 0.1, masks lie up to a fifth nearer, but medial nodes of two muscles twice as far from the middle.
@@ -33,10 +33,10 @@ const STEP: f64 = 0.25;
 const REACH: f64 = 3.0;
 /// Distance of the places along the outline that are looked at, voxels. With 3, the farthest 5 % of the mask of a spleen
 /// begin 3.9 mm from the model, not 3.6; less only takes longer.
-const PITCH: f64 = 1.0;
+pub(super) const PITCH: f64 = 1.0;
 /// Standard deviation of the smoothing along the outline, voxels. With 8, tips are rounded off: the mask of a gluteus lies
 /// 0.94 mm from the model on average, not 0.77; with 1, a hippocampus needs 4 nodes repaired, not none.
-const SIGMA: f64 = 3.0;
+pub(super) const SIGMA: f64 = 3.0;
 
 /// A sheet in its plane, carried on to its rim. Lengths are voxels.
 #[derive(Clone, Debug)]
@@ -70,8 +70,7 @@ pub fn to_rim(
         cancel.check()?;
         let outward = outward(&outline, k);
         let start = map.node(q - outward * START);
-        let met = Walk::to_hinge(&start, outward, hinge, depth);
-        walks.push(met.unwrap_or_else(|| Walk::to_rim(&start, outward, solid, depth)));
+        walks.push(Walk::from(&start, outward, hinge, solid, depth));
     }
     whole.region = region.reshaped(&moved(&outline, &walks));
     for (q, walk) in outline.iter().zip(&walks) {
@@ -83,12 +82,10 @@ pub fn to_rim(
 impl WholeSheet {
     /// Adds the points of a walk that crosses the outline at `q`. Points of the sheet's own go as far as there.
     fn add_walk(&mut self, q: Point2<f64>, walk: &Walk, depth: &Depth) {
-        let mut walked = START;
-        while walked <= walk.length + STEP {
+        for (walked, position, radius) in walk.points(depth) {
             self.points.flat.push(q + walk.outward * (walked - START));
-            self.points.positions.push(walk.from + walk.direction * walked);
-            self.points.radii.push(walk.radius(walked, depth));
-            walked += PITCH;
+            self.points.positions.push(position);
+            self.points.radii.push(radius);
         }
     }
 }
@@ -116,7 +113,7 @@ fn moved(outline: &[Point2<f64>], walks: &[Walk]) -> Vec<Point2<f64>> {
 }
 
 /// Unit outward normal of a counter-clockwise curve.
-fn outward(curve: &[Point2<f64>], k: usize) -> Vector2<f64> {
+pub(super) fn outward(curve: &[Point2<f64>], k: usize) -> Vector2<f64> {
     /// Points to either side that the tangent is taken between. With 12 it cuts bends: medial nodes of 75 organs and
     /// shapes lie 5 % further from the middle on average, and a part of a spleen 2.3 mm from its mask, not 1.5. From 1
     /// to 6 no more changes than by chance.
@@ -132,7 +129,7 @@ fn ahead_of(node: &Node, outward: Vector2<f64>) -> Vector3<f64> {
 }
 
 /// A way along the sheet, straight outward to its rim.
-struct Walk {
+pub(super) struct Walk {
     /// Unit direction in the plane.
     outward: Vector2<f64>,
     /// Where it starts, well inside.
@@ -147,6 +144,27 @@ struct Walk {
 }
 
 impl Walk {
+    /// To where other sheets are met, else to the rim.
+    pub fn from(node: &Node, outward: Vector2<f64>, hinge: &[Point3<f64>], solid: &Solid, depth: &Depth) -> Self {
+        let met = Self::to_hinge(node, outward, hinge, depth);
+        met.unwrap_or_else(|| Self::to_rim(node, outward, solid, depth))
+    }
+
+    /// Distance to its end, voxels.
+    pub fn length(&self) -> f64 {
+        self.length
+    }
+
+    /// Places on the way from the outline on: how far they are, where, and with which radius.
+    pub fn points(&self, depth: &Depth) -> Vec<(f64, Point3<f64>, f64)> {
+        let (mut points, mut walked) = (Vec::new(), START);
+        while walked <= self.length + STEP {
+            points.push((walked, self.from + self.direction * walked, self.radius(walked, depth)));
+            walked += PITCH;
+        }
+        points
+    }
+
     /// To where other sheets are met, if that is on the way.
     fn to_hinge(node: &Node, outward: Vector2<f64>, hinge: &[Point3<f64>], depth: &Depth) -> Option<Self> {
         let direction = ahead_of(node, outward);

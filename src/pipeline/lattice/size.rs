@@ -23,7 +23,7 @@ pub(super) fn automatic(
     context: &Context<'_>,
 ) -> Result<(LatticeSize, Automatic), Cancelled> {
     let params: &CheckedParams = context.params;
-    let [length_mm, width_mm] = chart.region().rectangle().map(|side| side.max(1.0) * voxel_mm);
+    let [length_mm, width_mm] = chart.extents().map(|side| side.max(1.0) * voxel_mm);
     let (size, grid_from) = match (params.grid, params.spacing_mm) {
         (GridChoice::Fixed { rows, cols }, _) => (LatticeSize { rows, cols }, GridFrom::Asked),
         (GridChoice::Auto, Some(spacing)) => {

@@ -126,6 +126,27 @@ impl Region {
         contour.into_iter().map(|at| self.raster.origin + at * PITCH).collect()
     }
 
+    /// The second coordinate of the outline farthest along the second axis, or back along it, at a first one; `None` where the
+    /// region has none.
+    #[must_use]
+    pub(crate) fn outermost(&self, x: f64, towards: f64) -> Option<f64> {
+        let rows = self.raster.dims[1];
+        let level = |row: usize| {
+            let pixels = self.raster.pixels_of(Point2::new(x, self.raster.origin.y + row as f64 * PITCH));
+            self.level.at(Point3::new(pixels.x, pixels.y, 0.0))
+        };
+        let order: Vec<usize> = if towards < 0.0 { (0..rows).collect() } else { (0..rows).rev().collect() };
+        for step in order.windows(2) {
+            let [before, here] = [level(step[0]), level(step[1])];
+            if before <= 0.0 && here > 0.0 {
+                let share = before / (before - here);
+                let row = step[0] as f64 + (step[1] as f64 - step[0] as f64) * share;
+                return Some(self.raster.origin.y + row * PITCH);
+            }
+        }
+        None
+    }
+
     /// Smallest and largest coordinates of the outline; `None` for an empty region.
     #[must_use]
     pub fn bounds(&self) -> Option<[Point2<f64>; 2]> {

@@ -14,25 +14,40 @@ use crate::pipeline::medial::MedialSurface;
 /// a sheet with a step in it would stay two.
 const SMOOTH_COSINE: f64 = 0.7;
 
+/// Which sheets that go on smoothly into one another are one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Joining {
+    /// Those that do where no third one is near.
+    Alone,
+    /// All: the wall of a pipe comes in strips, some no wider than a junction is, and has no junctions.
+    Smooth,
+}
+
 /// Two sheets that touch mostly where no third one is near are one sheet with a step in it.
 pub(super) fn join_across_pairs(
     surface: &MedialSurface,
     label: &mut [u32],
+    joining: Joining,
     cancel: &dyn Cancel,
 ) -> Result<(), Cancelled> {
-    while let Some((a, b)) = stepped_pair(surface, label, cancel)? {
+    while let Some((a, b)) = stepped_pair(surface, label, joining, cancel)? {
         rename(label, b, a);
     }
     Ok(())
 }
 
 /// The first two such sheets.
-fn stepped_pair(surface: &MedialSurface, label: &[u32], cancel: &dyn Cancel) -> Result<Option<(u32, u32)>, Cancelled> {
+fn stepped_pair(
+    surface: &MedialSurface,
+    label: &[u32],
+    joining: Joining,
+    cancel: &dyn Cancel,
+) -> Result<Option<(u32, u32)>, Cancelled> {
     for (pair, points) in contacts(surface, label, cancel)? {
         let mut lone = 0;
         for &p in &points {
             cancel.check()?;
-            lone += usize::from(!is_third_near(surface, label, pair, p));
+            lone += usize::from(joining == Joining::Smooth || !is_third_near(surface, label, pair, p));
         }
         if 2 * lone > points.len() && is_smooth(surface, label, &points) {
             return Ok(Some(pair));

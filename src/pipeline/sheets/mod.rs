@@ -9,7 +9,8 @@
 //! 1. Two adjacent medial points are *linked* when both feet move less than a share of the radius (`links`).
 //! 2. Linked components of points that see their feet under a wide angle are sheets, if they are
 //!    large enough; other points are handed to the sheets they lie between (`growing`).
-//! 3. Sheets that touch where no third one is near become one (`joining`).
+//! 3. Sheets that touch where no third one is near become one, or all that go on smoothly into one another, as is asked for
+//!    (`joining`).
 //! 4. Sheets without which the others still account for the object are pruned (the paper prunes the skeleton
 //!    before), and sheets that only met at a pruned one become one again (`pruning`).
 //! 5. What runs into an edge of the boundary is taken off (`trimming`).
@@ -40,6 +41,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
 use self::growing::{hand_over_rest, linked_components};
+pub use self::joining::Joining;
 use self::joining::join_across_pairs;
 use self::pruning::{Needed, weakest};
 use self::trimming::trim_edges;
@@ -87,6 +89,7 @@ pub fn sheets(
     surface: &MedialSurface,
     solid: &Solid,
     depth: &Depth,
+    joining: Joining,
     context: &Context<'_>,
 ) -> Result<Sheets, PipelineError> {
     let needed =
@@ -95,7 +98,7 @@ pub fn sheets(
     let mut label = linked_components(surface, context)?;
     context.advance(0.3);
     hand_over_rest(surface, &mut label, context)?;
-    join_across_pairs(surface, &mut label, context)?;
+    join_across_pairs(surface, &mut label, joining, context)?;
     context.advance(0.5);
     let mut pruned = 0;
     loop {
@@ -107,7 +110,7 @@ pub fn sheets(
         for sheet in weak {
             rename(&mut label, sheet, NO_SHEET);
         }
-        join_across_pairs(surface, &mut label, context)?;
+        join_across_pairs(surface, &mut label, joining, context)?;
     }
     context.advance(0.9);
     trim_edges(surface, &mut label, context)?;

@@ -68,15 +68,22 @@ fn noted(nodes: &mut Nodes, spoked: &SpokedLattice<'_>, crest: &Mended) -> Resul
             nodes.repaired[n] = Some(what);
         }
     }
+    let links = spoked.links();
+    let own = || (0..nodes.repaired.len()).filter(|&n| links.own(n) == n);
+    let is_marred = |n: &usize| nodes.repaired[*n] >= Some(NodeRepair::Shortened);
+    let (count, marred_nodes) = (own().count(), own().filter(is_marred).count());
+    for n in 0..nodes.repaired.len() {
+        nodes.repaired[n] = nodes.repaired[links.own(n)];
+    }
     Ok(Repair {
-        nodes: nodes.repaired.len(),
+        nodes: count,
         folds_before: 0,
         moved_nodes: turned.len(),
         past_foot_nodes: past_foot.len(),
         shortened_nodes: shortened.len(),
         off_sheet_nodes: off_sheet.len(),
         merged_nodes: spoked.merged.len(),
-        marred_nodes: nodes.repaired.iter().filter(|&&what| what >= Some(NodeRepair::Shortened)).count(),
+        marred_nodes,
     })
 }
 
@@ -94,7 +101,7 @@ fn spoked<'a>(
     }
     let hand = upper_sign(&lattice.nodes, &medial, &body.map, sheet, cancel)?;
     let directions = body.spokes(&medial, hand, cancel)?;
-    let (count, spacing) = (medial.len(), spacing(lattice.size, &medial));
+    let (count, spacing) = (medial.len(), spacing(lattice.links(), &medial));
     let mut spoked = SpokedLattice {
         lattice,
         medial,
@@ -109,9 +116,11 @@ fn spoked<'a>(
         around: body,
         cancel,
     };
+    spoked.join_twins();
     spoked.make_fair()?;
     let beyond = beyond_hinges(&spoked.lattice, &body.map, &sheet.hinge);
     body.aim(&mut spoked.medial, &mut spoked.directions, (hand, &beyond), cancel)?;
+    spoked.join_twins();
     for n in 0..count {
         cancel.check()?;
         spoked.let_reach(0, n);
@@ -133,7 +142,7 @@ fn with_crest(
     let mut round = 0;
     loop {
         let ahead = look_ahead(&spoked.lattice, &body.map, hinge);
-        let mut nodes = spoked.nodes(crest(level, spoked.lattice.size, &spoked.medial, &ahead));
+        let mut nodes = spoked.nodes(crest(level, spoked.links(), &spoked.medial, &ahead));
         let mended = mend_crest(&mut nodes, level, cancel)?;
         if mended.left.is_empty() || spoked.is_given_up || round == rounds {
             return Ok((nodes, mended));

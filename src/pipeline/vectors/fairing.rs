@@ -55,6 +55,7 @@ impl SpokedLattice<'_> {
                 self.directions[side][n] = vector(first).try_normalize(1e-9).unwrap_or(self.directions[side][n]);
             }
         }
+        self.join_twins();
         Ok(())
     }
 
@@ -71,12 +72,17 @@ impl SpokedLattice<'_> {
 
     /// All triples along rows and columns whose nodes are near to each other in the plane.
     fn triples(&self) -> Vec<Triple> {
-        let size = self.lattice.size;
+        let (size, links) = (self.lattice.size, self.links());
         let mut triples = Vec::new();
         for n in 0..size.rows * size.cols {
             let (i, j) = (n / size.cols, n % size.cols);
-            if j > 0 && j + 1 < size.cols {
-                triples.push(self.triple([n - 1, n, n + 1]));
+            if links.own(n) != n {
+                continue;
+            }
+            if let Some(twin) = links.twin(n) {
+                triples.push(self.triple([twin - 1, n, n + 1]));
+            } else if j > 0 && j + 1 < size.cols {
+                triples.push(self.triple([n - 1, n, n + 1].map(|n| links.own(n))));
             }
             if i > 0 && i + 1 < size.rows {
                 triples.push(self.triple([n - size.cols, n, n + size.cols]));
@@ -86,7 +92,7 @@ impl SpokedLattice<'_> {
     }
 
     fn triple(&self, nodes: [usize; 3]) -> Triple {
-        let [a, b, c] = nodes.map(|n| self.lattice.nodes[n]);
+        let [a, b, c] = nodes.map(|n| self.lattice.seen_from(nodes[1], n));
         let distance = ((b - a).norm() + (c - b).norm()) / 2.0;
         Triple { nodes, weight: (distance / SCALE).max(NEAREST).powi(-4) }
     }

@@ -2,7 +2,7 @@
 
 use nalgebra::{Point2, Point3};
 
-use crate::model::{Flanks, LatticeSize, NodeRepair, PerSurface, Shell, ring, straight_flanks};
+use crate::model::{Flanks, LatticeSize, Links, NodeRepair, PerSurface, Shell, ring, straight_flanks};
 
 /// The nodes of a figure in work space.
 #[derive(Clone, Debug)]
@@ -30,6 +30,12 @@ pub struct Nodes {
 }
 
 impl Nodes {
+    /// Which nodes are neighbours.
+    #[must_use]
+    pub fn links(&self) -> Links {
+        Shell::from(self).links()
+    }
+
     /// Lets all arcs lead straight from the surface nodes to the crest points.
     pub fn straighten_arcs(&mut self) {
         self.flanks.clear();

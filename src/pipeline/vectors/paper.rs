@@ -42,7 +42,7 @@ pub fn paper(
     let size = lattices.medial.size;
     let map = SpaceFromPlane::new(&flat.medial.points, &sheet.medial.positions, &sheet.radii);
     let medial = map.nodes(&lattices.medial.nodes, cancel)?;
-    let crest = crest(&solid.level, size, &medial, &look_ahead(&lattices.medial, &map, &[]));
+    let crest = crest(&solid.level, lattices.medial.links(), &medial, &look_ahead(&lattices.medial, &map, &[]));
     Ok(Nodes {
         size,
         radii: medial.iter().map(|n| n.value).collect(),
@@ -136,7 +136,7 @@ mod tests {
         let side = Side { surface: Surface { positions, adjacency: Vec::new() }, partners: Vec::new() };
         let nodes = vec![Point2::new(9.0, 0.8), Point2::new(9.0, 0.0)];
         let size = LatticeSize { rows: 2, cols: 1 };
-        let lattice = Lattice { size, valid: vec![true; 2], rim: nodes.clone(), nodes };
+        let lattice = Lattice { size, valid: vec![true; 2], rim: nodes.clone(), nodes, period: None };
         let on_side = on_side(&side, &flat, &lattice, &half_space(), &Never).expect("not cancelled");
         for node in on_side {
             assert!((node - Point3::new(11.0, 5.5, 5.0)).norm() < 1.0, "{node}");

@@ -12,7 +12,7 @@ pub(super) const CUT: f64 = 0.85;
 impl SpokedLattice<'_> {
     /// Cuts a spoke back, by a share of what is left of it.
     pub(super) fn shorten(&mut self, side: usize, n: usize) {
-        self.lengths[side][n] *= CUT;
+        self.set_length(side, n, self.lengths[side][n] * CUT);
     }
 
     /// Gives the spokes of nodes that were cut back what they can have.
@@ -41,9 +41,9 @@ impl SpokedLattice<'_> {
             if low >= high {
                 break;
             }
-            self.lengths[side][n] = (low + high) / 2.0;
+            self.set_length(side, n, (low + high) / 2.0);
         }
-        self.lengths[side][n] = low;
+        self.set_length(side, n, low);
     }
 
     /// Nodes with a spoke that was cut short.
@@ -67,7 +67,7 @@ impl SpokedLattice<'_> {
         let mut nodes = BTreeSet::new();
         for n in 0..self.medial.len() {
             self.cancel.check()?;
-            if holds(self, 0, n) || holds(self, 1, n) {
+            if self.links().own(n) == n && (holds(self, 0, n) || holds(self, 1, n)) {
                 nodes.insert(n);
             }
         }

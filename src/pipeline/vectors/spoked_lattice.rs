@@ -5,12 +5,12 @@
 
 use std::collections::BTreeSet;
 
-use nalgebra::{Point2, Point3, Vector3};
+use nalgebra::{Point2, Point3, Vector2, Vector3};
 
 use super::legality::{cell_edges, determinant};
 use super::nodes::Nodes;
 use crate::cancel::{Cancel, Cancelled};
-use crate::model::{LatticeSize, PerSurface};
+use crate::model::{Links, PerSurface};
 use crate::pipeline::chart::Lattice;
 use crate::pipeline::lattice::map::Node;
 
@@ -134,7 +134,52 @@ impl SpokedLattice<'_> {
 
     /// Lets a spoke end at the boundary.
     pub fn let_reach(&mut self, side: usize, n: usize) {
-        self.lengths[side][n] = self.around.length(&self.medial[n], self.directions[side][n]);
+        self.set_length(side, n, self.around.length(&self.medial[n], self.directions[side][n]));
+    }
+
+    /// Which nodes are neighbours.
+    #[must_use]
+    pub fn links(&self) -> Links {
+        self.lattice.links()
+    }
+
+    /// Gives a spoke of an own node, and that of its twin, a length.
+    pub fn set_length(&mut self, side: usize, n: usize, length: f64) {
+        self.lengths[side][n] = length;
+        if let Some(twin) = self.links().twin(n) {
+            self.lengths[side][twin] = length;
+        }
+    }
+
+    /// Turns a spoke of an own node, and that of its twin.
+    pub fn set_direction(&mut self, side: usize, n: usize, direction: Vector3<f64>) {
+        self.directions[side][n] = direction;
+        if let Some(twin) = self.links().twin(n) {
+            self.directions[side][twin] = direction;
+        }
+    }
+
+    /// Moves an own node, and its twin, which lies a period on.
+    pub fn set_node(&mut self, n: usize, flat: Point2<f64>, node: Node) {
+        self.lattice.nodes[n] = flat;
+        self.medial[n] = node;
+        if let Some(twin) = self.links().twin(n) {
+            self.lattice.nodes[twin] = flat + Vector2::new(self.lattice.period.unwrap_or(0.0), 0.0);
+            self.medial[twin] = node;
+        }
+    }
+
+    /// Makes all twins what their own nodes are.
+    pub fn join_twins(&mut self) {
+        for n in 0..self.medial.len() {
+            if self.links().twin(n).is_some() {
+                self.set_node(n, self.lattice.nodes[n], self.medial[n]);
+                for side in 0..2 {
+                    self.set_direction(side, n, self.directions[side][n]);
+                    self.set_length(side, n, self.lengths[side][n]);
+                }
+            }
+        }
     }
 
     /// Where spokes cross, or nearly so.
@@ -149,14 +194,15 @@ impl SpokedLattice<'_> {
                 self.cancel.check()?;
                 for j in 0..size.cols - 1 {
                     let [inner, outer] = self.illegal(side, i, j);
+                    let own = size.quad(i, j).map(|n| self.links().own(n));
                     tangle.places += inner + outer;
                     if inner + outer > 0 {
-                        tangle.crossing[side].extend(size.quad(i, j));
+                        tangle.crossing[side].extend(own);
                     }
                     if inner > 0 {
-                        tangle.folded.extend(size.quad(i, j));
+                        tangle.folded.extend(own);
                     } else if outer > 0 {
-                        tangle.long[side].extend(size.quad(i, j));
+                        tangle.long[side].extend(own);
                     }
                 }
             }
@@ -167,16 +213,7 @@ impl SpokedLattice<'_> {
     /// Whether the cells around a node are legal on a side.
     #[must_use]
     pub fn is_legal_around(&self, side: usize, n: usize) -> bool {
-        let LatticeSize { rows, cols } = self.lattice.size;
-        let (i, j) = (n / cols, n % cols);
-        for a in i.saturating_sub(1)..=i.min(rows - 2) {
-            for b in j.saturating_sub(1)..=j.min(cols - 2) {
-                if self.illegal(side, a, b) != [0, 0] {
-                    return false;
-                }
-            }
-        }
-        true
+        self.links().quads_at(n).into_iter().all(|[i, j]| self.illegal(side, i, j) == [0, 0])
     }
 
     /// How many places of the cell (i, j) on one side are illegal, or nearly so: corners in the sheet; corners
@@ -219,10 +256,10 @@ fn is_illegal(edges: [Vector3<f64>; 3], hand: f64) -> bool {
 
 /// Mean distance of each node's neighbours along the lattice from it.
 #[must_use]
-pub fn spacing(size: LatticeSize, nodes: &[Node]) -> Vec<f64> {
+pub fn spacing(links: Links, nodes: &[Node]) -> Vec<f64> {
     let mut spacing = Vec::with_capacity(nodes.len());
     for (n, node) in nodes.iter().enumerate() {
-        let around = nodes_around(size, n, false);
+        let around = links.around(n, false);
         let mut sum = 0.0;
         for &m in &around {
             sum += (nodes[m].position - node.position).norm();
@@ -230,19 +267,4 @@ pub fn spacing(size: LatticeSize, nodes: &[Node]) -> Vec<f64> {
         spacing.push(sum / around.len().max(1) as f64);
     }
     spacing
-}
-
-/// Nodes around a node of a lattice, row by row, itself not included: eight with those across the corner, four without.
-#[must_use]
-pub fn nodes_around(LatticeSize { rows, cols }: LatticeSize, n: usize, diagonals: bool) -> Vec<usize> {
-    let (i, j) = (n / cols, n % cols);
-    let mut around = Vec::with_capacity(8);
-    for a in i.saturating_sub(1)..=(i + 1).min(rows - 1) {
-        for b in j.saturating_sub(1)..=(j + 1).min(cols - 1) {
-            if (a, b) != (i, j) && (diagonals || a == i || b == j) {
-                around.push(a * cols + b);
-            }
-        }
-    }
-    around
 }

@@ -12,9 +12,9 @@ use std::collections::BTreeSet;
 
 use nalgebra::{Point2, Point3, Vector2, Vector3};
 
-use super::spoked_lattice::{SpokedLattice, Tangle, nodes_around};
+use super::spoked_lattice::{SpokedLattice, Tangle};
 use crate::cancel::Cancelled;
-use crate::model::{LatticeSize, ring};
+use crate::model::{LatticeSize, Links, ring};
 use crate::pipeline::lattice::map::Node;
 
 /// What is done in a round against crossing.
@@ -118,7 +118,7 @@ impl SpokedLattice<'_> {
             turned.push(self.mean_direction(side, n));
         }
         for (&n, direction) in nodes.iter().zip(turned) {
-            self.directions[side][n] = direction;
+            self.set_direction(side, n, direction);
         }
         self.touched.extend(nodes);
     }
@@ -127,7 +127,7 @@ impl SpokedLattice<'_> {
     fn mean_direction(&self, side: usize, n: usize) -> Vector3<f64> {
         let directions = &self.directions[side];
         let mut around = Vector3::zeros();
-        for m in nodes_around(self.lattice.size, n, true) {
+        for m in self.links().around(n, true) {
             around += directions[m];
         }
         (directions[n] + around).try_normalize(1e-9).unwrap_or(directions[n])
@@ -135,13 +135,13 @@ impl SpokedLattice<'_> {
 
     /// Moves nodes, all at once, between their neighbours: in the plane and back onto the sheet, or in space.
     fn move_between(&mut self, nodes: &BTreeSet<usize>, means: Means) -> Result<(), Cancelled> {
-        let (old_flat, old) = (self.lattice.nodes.clone(), self.medial.clone());
+        let (old_flat, old) = (self.lattice.clone(), self.medial.clone());
         for &n in nodes {
             self.cancel.check()?;
             self.touched.insert(n);
-            let (mut flat, mut place, mut count) = (old_flat[n].coords, old[n].position.coords, 1.0);
-            for m in those_it_lies_between(self.lattice.size, n) {
-                flat += old_flat[m].coords;
+            let (mut flat, mut place, mut count) = (old_flat.nodes[n].coords, old[n].position.coords, 1.0);
+            for m in those_it_lies_between(self.links(), n) {
+                flat += old_flat.seen_from(n, m).coords;
                 place += old[m].position.coords;
                 count += 1.0;
             }
@@ -169,7 +169,7 @@ impl SpokedLattice<'_> {
         /// Distance from a neighbour below which a node has run into it, as a share of what it was from all of them. With
         /// none, nodes of folded sheets end in one point; with much more, nodes may not go where they are needed.
         const NEAREST: f64 = 0.1;
-        for m in nodes_around(self.lattice.size, n, false) {
+        for m in self.links().around(n, false) {
             let neighbor = self.medial[m].position;
             let (before, after) = ((self.medial[n].position - neighbor).norm(), (node.position - neighbor).norm());
             if after < before && after < NEAREST * self.spacing[n] {
@@ -177,8 +177,7 @@ impl SpokedLattice<'_> {
                 return;
             }
         }
-        self.lattice.nodes[n] = flat;
-        self.medial[n] = node;
+        self.set_node(n, flat, node);
     }
 
     /// Nodes that were moved off the sheet.
@@ -213,15 +212,16 @@ impl SpokedLattice<'_> {
     /// Draws some edge nodes, all at once, to the middle between their neighbours on the edge. Their spokes are left as
     /// they are.
     pub fn even_out(&mut self, nodes: &BTreeSet<usize>) {
-        let (old_flat, old) = (self.lattice.nodes.clone(), self.medial.clone());
-        let edge = ring(self.lattice.size);
+        let (old_flat, old, links) = (self.lattice.clone(), self.medial.clone(), self.links());
+        let edge = ring(links.size);
         for (k, &n) in edge.iter().enumerate() {
             if !nodes.contains(&n) {
                 continue;
             }
             let (mut flat, mut place) = (Vector2::zeros(), Vector3::zeros());
-            for m in [edge[(k + edge.len() - 1) % edge.len()], n, edge[(k + 1) % edge.len()]] {
-                flat += old_flat[m].coords;
+            let [before, after] = links.along_edge(k).map(|place| edge[place]);
+            for m in [before, n, after] {
+                flat += old_flat.seen_from(n, m).coords;
                 place += old[m].position.coords;
             }
             self.put_in_space(n, Point2::from(flat / 3.0), Point3::from(place / 3.0));
@@ -232,15 +232,16 @@ impl SpokedLattice<'_> {
 
 /// The neighbours that a node lies between: four, of one on the edge those along it, of a corner none. Drawn inward, the
 /// edge would shrink, and with it the whole sheet.
-fn those_it_lies_between(size: LatticeSize, n: usize) -> Vec<usize> {
-    let LatticeSize { rows, cols } = size;
+fn those_it_lies_between(links: Links, n: usize) -> Vec<usize> {
+    let LatticeSize { rows, cols } = links.size;
     let (i, j) = (n / cols, n % cols);
-    let (is_at_end, is_at_side) = (i == 0 || i + 1 == rows, j == 0 || j + 1 == cols);
+    let (is_at_end, is_at_side) = (i == 0 || i + 1 == rows, !links.is_ring && (j == 0 || j + 1 == cols));
+    let around = links.around(n, false).into_iter();
     match (is_at_end, is_at_side) {
         (true, true) => Vec::new(),
-        (true, false) => vec![n - 1, n + 1],
-        (false, true) => vec![n - cols, n + cols],
-        (false, false) => nodes_around(size, n, false),
+        (true, false) => around.filter(|m| m / cols == i).collect(),
+        (false, true) => around.filter(|m| m % cols == j).collect(),
+        (false, false) => around.collect(),
     }
 }
 
@@ -279,7 +280,7 @@ mod tests {
         let flat: Vec<Point2<f64>> = (0..30).map(|n| Point2::new((n % 6) as f64, (n / 6) as f64)).collect();
         SpokedLattice {
             medial: flat.iter().map(|p| TwoPlanes.node(*p)).collect(),
-            lattice: Lattice { size: SIZE, nodes: flat, valid: vec![true; 30], rim: Vec::new() },
+            lattice: Lattice { size: SIZE, nodes: flat, valid: vec![true; 30], rim: Vec::new(), period: None },
             directions: [vec![Vector3::z(); 30], vec![-Vector3::z(); 30]],
             lengths: [vec![2.0; 30], vec![2.0; 30]],
             // (i, j) = (v, u), upward: left-handed.

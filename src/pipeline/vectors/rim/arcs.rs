@@ -11,7 +11,7 @@ use nalgebra::Point3;
 
 use super::shares::Share;
 use crate::cancel::{Cancel, Cancelled};
-use crate::model::{FLANK, Flanks, Side, ring};
+use crate::model::{FLANK, Flanks, Links, Side, ring};
 use crate::pipeline::solid::level::Level;
 use crate::pipeline::vectors::Nodes;
 use crate::pipeline::vectors::legality::{Part, legality};
@@ -30,7 +30,7 @@ const BACK: f64 = 0.8;
 /// # Errors
 /// When it is cancelled.
 pub fn round_rim(nodes: &mut Nodes, level: &Level, share: Share<'_>, cancel: &dyn Cancel) -> Result<(), Cancelled> {
-    let edge = ring(nodes.size);
+    let (edge, links) = (ring(nodes.size), nodes.links());
     nodes.straighten_arcs();
     let straight = nodes.flanks.clone();
     let mut whole = straight.clone();
@@ -44,15 +44,22 @@ pub fn round_rim(nodes: &mut Nodes, level: &Level, share: Share<'_>, cancel: &dy
             }
         }
     }
+    for place in 0..edge.len() {
+        whole[place] = whole[links.own_place(place)];
+    }
     let mut parts = vec![[1.0; 2]; edge.len()];
     for round in 0..ROUNDS + edge.len() {
         cancel.check()?;
         nodes.flanks = between(&straight, &whole, &parts);
         let mut is_done = true;
-        for (place, side) in turned_over(nodes, &edge) {
+        for (place, side) in turned_over(nodes, &edge, links) {
             let part = &mut parts[place][side];
             is_done &= *part == 0.0;
             *part *= if round < ROUNDS { BACK } else { 0.0 };
+            let part = *part;
+            if let Some(twin) = links.twin_place(place) {
+                parts[twin][side] = part;
+            }
         }
         if is_done {
             break;
@@ -126,15 +133,15 @@ fn between(straight: &[Flanks], whole: &[Flanks], parts: &[[f64; 2]]) -> Vec<Fla
     arcs
 }
 
-/// Halves of arcs, by place and side, at wedges that are turned over.
-fn turned_over(nodes: &Nodes, edge: &[usize]) -> BTreeSet<(usize, usize)> {
+/// Halves of arcs, by own place and side, at wedges that are turned over.
+fn turned_over(nodes: &Nodes, edge: &[usize], links: Links) -> BTreeSet<(usize, usize)> {
     let mut bad = BTreeSet::new();
     for illegal in legality(nodes.into()).parts {
         if illegal.part == Part::Wedge {
             let node = illegal.place.i * nodes.size.cols + illegal.place.j;
             let here = edge.iter().position(|&n| n == node).unwrap_or(0);
             let side = usize::from(illegal.place.side == Side::Lower);
-            bad.extend([(here, side), ((here + 1) % edge.len(), side)]);
+            bad.extend([here, (here + 1) % edge.len()].map(|place| (links.own_place(place), side)));
         }
     }
     bad

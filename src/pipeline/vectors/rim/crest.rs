@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Vector2, Vector3};
 
-use crate::model::{LatticeSize, ring};
+use crate::model::{LatticeSize, Links, ring};
 use crate::pipeline::chart::Lattice;
 use crate::pipeline::lattice::map::{Node, SpaceFromPlane};
 use crate::pipeline::solid::level::Level;
@@ -34,7 +34,7 @@ pub fn look_ahead(lattice: &Lattice, map: &SpaceFromPlane<'_>, hinge: &[Point3<f
         all.push(Ahead {
             rim: at_rim.position,
             outward: direction.try_normalize(1e-9).unwrap_or_else(Vector3::x),
-            is_hinge: hinge.iter().any(|h| (h - at_rim.position).norm() < AT_HINGE),
+            is_hinge: lattice.links().is_on_rim(n) && hinge.iter().any(|h| (h - at_rim.position).norm() < AT_HINGE),
         });
     }
     all
@@ -52,12 +52,16 @@ pub fn beyond_hinges(lattice: &Lattice, map: &SpaceFromPlane<'_>, hinge: &[Point
     beyond
 }
 
-/// The crest point of every node of the lattice's edge, in the order of [`ring`].
+/// The crest point of every node of the lattice's edge, in the order of [`ring`]. Nodes of the banks of a ring have none: the
+/// node itself stands for it.
 #[must_use]
-pub fn crest(level: &Level, size: LatticeSize, medial: &[Node], ahead: &[Ahead]) -> Vec<Point3<f64>> {
+pub fn crest(level: &Level, links: Links, medial: &[Node], ahead: &[Ahead]) -> Vec<Point3<f64>> {
     let mut crest = Vec::with_capacity(ahead.len());
-    for (n, ahead) in ring(size).into_iter().zip(ahead) {
-        crest.push(crest_point(level, &medial[n], ahead));
+    for (n, ahead) in ring(links.size).into_iter().zip(ahead) {
+        crest.push(if links.is_on_rim(n) { crest_point(level, &medial[n], ahead) } else { medial[n].position });
+    }
+    for place in 0..crest.len() {
+        crest[place] = crest[links.own_place(place)];
     }
     crest
 }
@@ -86,14 +90,14 @@ fn crest_point(level: &Level, node: &Node, ahead: &Ahead) -> Point3<f64> {
 /// The direction in the plane that leads from the inner neighbours of an edge node to it.
 fn outward(lattice: &Lattice, n: usize) -> Vector2<f64> {
     let mut direction = Vector2::zeros();
-    for m in inner_neighbors(lattice.size, n) {
+    for m in inner_neighbors(lattice.links(), n) {
         direction += (lattice.nodes[n] - lattice.nodes[m]).try_normalize(1e-9).unwrap_or_default();
     }
     direction
 }
 
-/// The nodes next to an edge node across the edges it lies on: two of a corner, else one.
-fn inner_neighbors(LatticeSize { rows, cols }: LatticeSize, n: usize) -> Vec<usize> {
+/// The nodes next to an edge node across the edges it lies on: two of a corner, else one; none of a bank of a ring.
+fn inner_neighbors(Links { size: LatticeSize { rows, cols }, is_ring }: Links, n: usize) -> Vec<usize> {
     let (i, j) = (n / cols, n % cols);
     let mut inner = Vec::with_capacity(2);
     if i == 0 {
@@ -102,10 +106,10 @@ fn inner_neighbors(LatticeSize { rows, cols }: LatticeSize, n: usize) -> Vec<usi
     if i + 1 == rows {
         inner.push(n - cols);
     }
-    if j == 0 {
+    if !is_ring && j == 0 {
         inner.push(n + 1);
     }
-    if j + 1 == cols {
+    if !is_ring && j + 1 == cols {
         inner.push(n - 1);
     }
     inner
