@@ -137,13 +137,13 @@ impl Patch {
         Point2::from(self.read(&self.table, shares))
     }
 
-    /// Length of the straight way between the points at two shares: in the plane, or in space where positions are known.
+    /// Length of the way along the points at some shares: in the plane, or in space where positions are known.
     #[must_use]
-    pub fn length(&self, from: Point2<f64>, to: Point2<f64>) -> f64 {
+    pub fn length(&self, shares: impl Iterator<Item = Point2<f64>>) -> f64 {
         if self.positions.is_empty() {
-            (self.at(to) - self.at(from)).norm()
+            length_of(shares.map(|share| self.read(&self.table, share)))
         } else {
-            (self.read(&self.positions, to) - self.read(&self.positions, from)).norm()
+            length_of(shares.map(|share| self.read(&self.positions, share)))
         }
     }
 
@@ -164,4 +164,14 @@ impl Patch {
     pub fn places(&self, shares: &[Point2<f64>]) -> Vec<Point2<f64>> {
         shares.iter().map(|s| self.at(*s)).collect()
     }
+}
+
+/// Length of the way along some points.
+fn length_of<const D: usize>(points: impl Iterator<Item = SVector<f64, D>>) -> f64 {
+    let (mut length, mut before) = (0.0, None);
+    for point in points {
+        length += before.map_or(0.0, |before: SVector<f64, D>| (point - before).norm());
+        before = Some(point);
+    }
+    length
 }

@@ -68,10 +68,10 @@ fn extents(patch: &Patch) -> [f64; 2] {
     let (mut around, mut across) = (0.0, 0.0);
     for (n, share) in shares.iter().enumerate() {
         if n % EVEN.cols + 1 < EVEN.cols {
-            around += patch.length(*share, shares[n + 1]);
+            around += patch.length([*share, shares[n + 1]].into_iter());
         }
         if n + EVEN.cols < shares.len() {
-            across += patch.length(*share, shares[n + EVEN.cols]);
+            across += patch.length([*share, shares[n + EVEN.cols]].into_iter());
         }
     }
     [around / EVEN.rows as f64, across / EVEN.cols as f64]

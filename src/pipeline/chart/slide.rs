@@ -146,12 +146,6 @@ fn slide(patch: &Patch, shares: &mut [Point2<f64>], line: Line) -> f64 {
 
 /// Length of the way between two shares.
 fn edge_length(patch: &Patch, from: Vector2<f64>, to: Vector2<f64>) -> f64 {
-    let mut length = 0.0;
-    let mut before = Point2::from(from);
-    for k in 1..=EDGE_PIECES {
-        let next = Point2::from(from + (to - from) * (k as f64 / EDGE_PIECES as f64));
-        length += patch.length(before, next);
-        before = next;
-    }
-    length
+    let shares = (0..=EDGE_PIECES).map(|k| Point2::from(from + (to - from) * (k as f64 / EDGE_PIECES as f64)));
+    patch.length(shares)
 }

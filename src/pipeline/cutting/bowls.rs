@@ -33,7 +33,7 @@ impl Cutter<'_> {
         if !self.may_unroll || part.is_unrolled() || !self.lies_over_itself(&part)? {
             return Ok(part);
         }
-        let Some(found) = unrolled(&part.surface, self.context)? else { return Ok(part) };
+        let Some(found) = unrolled(&part.surface, *BOWL_ENERGY.start(), self.context)? else { return Ok(part) };
         if !BOWL_ENERGY.contains(&found.stretch.energy) {
             return Ok(part);
         }

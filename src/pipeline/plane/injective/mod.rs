@@ -53,15 +53,16 @@ pub struct Unrolled {
     pub stretch: Stretch,
 }
 
-/// Lays a sheet with two sides flat by its mesh; `None` where that is no disc.
+/// Lays a sheet with two sides flat by its mesh; `None` where that is no disc, or its energy (1 where all lengths are kept)
+/// falls below `least_energy`.
 ///
 /// # Errors
 /// When it is cancelled.
-pub fn unrolled(surface: &Surface, cancel: &dyn Cancel) -> Result<Option<Unrolled>, Cancelled> {
+pub fn unrolled(surface: &Surface, least_energy: f64, cancel: &dyn Cancel) -> Result<Option<Unrolled>, Cancelled> {
     let Some(disc) = Disc::of(mesh_of(surface, cancel)?, cancel)? else { return Ok(None) };
     let Some(first) = on_circle(&disc, cancel)? else { return Ok(None) };
     let mut map = Map::new(&disc, first);
-    if !map.relax(cancel)? {
+    if !map.relax(4.0 * least_energy, cancel)? {
         return Ok(None);
     }
     let stretch = stretch(&map, cancel)?;
@@ -148,7 +149,7 @@ mod tests {
 
     fn unrolled_bowl(degrees: f64) -> (Surface, Unrolled) {
         let surface = bowl(degrees.to_radians());
-        let found = unrolled(&surface, &Never).expect("not stopped").expect("a disc");
+        let found = unrolled(&surface, 0.0, &Never).expect("not stopped").expect("a disc");
         (surface, found)
     }
 
@@ -185,7 +186,7 @@ mod tests {
         let touches = |a: usize, b: usize| a != b && (positions[a] - positions[b]).norm() < 1.6;
         let adjacency = (0..600).map(|a| (0..600).filter(|&b| touches(a, b)).map(id).collect()).collect();
         let surface = Surface { positions: positions.clone(), adjacency };
-        let found = unrolled(&surface, &Never).expect("not stopped").expect("a disc");
+        let found = unrolled(&surface, 0.0, &Never).expect("not stopped").expect("a disc");
         assert!(found.stretch.energy < 1.003, "{:?}", found.stretch);
         for (a, b) in [(0, 29), (0, 570), (0, 599), (300, 315), (29, 570)] {
             let [from, to] = [a, b].map(|n| found.places[n].expect("on the mesh"));
@@ -197,12 +198,12 @@ mod tests {
     #[test]
     fn what_is_no_disc_has_no_map() {
         let closed = bowl(PI);
-        assert!(unrolled(&closed, &Never).expect("not stopped").is_none(), "a ball");
-        assert!(unrolled(&Surface::default(), &Never).expect("not stopped").is_none(), "nothing");
+        assert!(unrolled(&closed, 0.0, &Never).expect("not stopped").is_none(), "a ball");
+        assert!(unrolled(&Surface::default(), 0.0, &Never).expect("not stopped").is_none(), "nothing");
         let mut band = bowl(2.0);
         let keep: Vec<u32> = (0..band.positions.len()).filter(|&p| band.positions[p].z < 6.0).map(id).collect();
         band = band.part(&keep, &Never).expect("not stopped");
-        assert!(unrolled(&band, &Never).expect("not stopped").is_none(), "a band");
+        assert!(unrolled(&band, 0.0, &Never).expect("not stopped").is_none(), "a band");
     }
 
     /// Points about one apart on a cone's wall of a length, with some noise, each touching those around it.
@@ -254,9 +255,9 @@ mod tests {
         let surface = bowl(1.6);
         let on = |threads: usize| {
             let pool = ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
-            pool.install(|| unrolled(&surface, &Never)).expect("not stopped").expect("a disc").places
+            pool.install(|| unrolled(&surface, 0.0, &Never)).expect("not stopped").expect("a disc").places
         };
         assert_eq!(on(1), on(3));
-        assert!(unrolled(&surface, &Stopped).is_err());
+        assert!(unrolled(&surface, 0.0, &Stopped).is_err());
     }
 }

@@ -168,14 +168,15 @@ impl<'a> Map<'a> {
         Ok(sum / area)
     }
 
-    /// Lowers the energy as far as steps do. Whether no triangle is turned over.
+    /// Lowers the energy as far as steps do. Whether it is no less than `least`, below which nobody wants the map, and
+    /// no triangle is turned over.
     ///
     /// # Errors
     /// When it is cancelled.
-    pub fn relax(&mut self, cancel: &dyn Cancel) -> Result<bool, Cancelled> {
+    pub fn relax(&mut self, least: f64, cancel: &dyn Cancel) -> Result<bool, Cancelled> {
         let mut now = self.energy(&self.places, cancel)?;
         for _ in 0..STEPS {
-            if !now.is_finite() {
+            if !now.is_finite() || now < least {
                 return Ok(false);
             }
             let Some(aims) = self.aims(cancel)? else { return Ok(true) };
@@ -186,7 +187,7 @@ impl<'a> Map<'a> {
                 break;
             }
         }
-        Ok(now.is_finite())
+        Ok(now.is_finite() && now >= least)
     }
 
     /// The places that the equations give; `None` where they have no answer.

@@ -52,7 +52,7 @@ pub fn rolled(surface: &Surface, cancel: &dyn Cancel) -> Result<Option<Rolled>, 
     let places = first.iter().map(|place| Point2::from(place.coords.component_mul(&scale))).collect();
     let shifts = turns.into_iter().map(|turns| turns.map(|turn| turn * scale.x)).collect();
     let mut map = Map::new(&ring, places).shifted(shifts);
-    if !map.relax(cancel)? {
+    if !map.relax(0.0, cancel)? {
         return Ok(None);
     }
     let stretch = stretch(&map, cancel)?;
