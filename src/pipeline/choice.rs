@@ -265,11 +265,11 @@ impl AsTubes {
 /// What the sections of a tube say of a solid.
 enum Sections {
     /// It is a tube.
-    OfTube,
+    Tube,
     /// They are flat.
-    OfSheet,
+    Sheet,
     /// They are round, but it is not longer than it is wide.
-    OfEither,
+    Either,
 }
 
 /// The sheets of a part with what speaks for them.
@@ -307,9 +307,9 @@ impl Sheets {
         }
         let kept_from = match &other.tubes.drafts[..] {
             [tube] => match self.said_by_sections(tube) {
-                Sections::OfTube => return true,
-                Sections::OfEither => FILLS_WELL,
-                Sections::OfSheet => SOUND_OVERLAP,
+                Sections::Tube => return true,
+                Sections::Either => FILLS_WELL,
+                Sections::Sheet => SOUND_OVERLAP,
             },
             _ => SOUND_OVERLAP,
         };
@@ -328,9 +328,9 @@ impl Sheets {
             () => NEARLY_ROUND,
         };
         match () {
-            () if tube.flatness > roundness => Sections::OfSheet,
-            () if is_long || is_short => Sections::OfTube,
-            () => Sections::OfEither,
+            () if tube.flatness > roundness => Sections::Sheet,
+            () if is_long || is_short => Sections::Tube,
+            () => Sections::Either,
         }
     }
 
