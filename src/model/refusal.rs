@@ -33,6 +33,12 @@ pub enum Refusal {
         /// A working voxel that would do, mm.
         resolution_mm: f64,
     },
+    /// A few voxels, which no organ is.
+    #[error("the object is a fragment of {voxels} voxels")]
+    Fragment {
+        /// Its voxels.
+        voxels: usize,
+    },
     /// Riddled with cavities none of which is a lumen: filled, it would be thicker than it is.
     #[error(
         "the object is riddled with holes: closed cavities inside it, each too small for a lumen, hold {voxels} voxels, \
@@ -144,10 +150,11 @@ pub enum Refusal {
 
 /// The codes that speak of the object's shape, not of the file it came in: all but those of [`Refusal::LabelMissing`],
 /// [`Refusal::EmptyMask`], [`Refusal::Background`] and [`Refusal::IntensityImage`].
-pub const SHAPE_CODES: [&str; 11] = [
+pub const SHAPE_CODES: [&str; 12] = [
     "too_thin",
     "hollow_object",
     "too_small",
+    "fragment",
     "shape_is_a_ball",
     "shape_is_a_tube",
     "shape_is_no_tube",
@@ -168,6 +175,7 @@ impl Refusal {
             Self::TooThin { .. } => "too_thin",
             Self::Hollow { .. } => "hollow_object",
             Self::TooSmall { .. } => "too_small",
+            Self::Fragment { .. } => "fragment",
             Self::Ball { .. } => "shape_is_a_ball",
             Self::Tube { .. } => "shape_is_a_tube",
             Self::NoTube => "shape_is_no_tube",
@@ -190,6 +198,7 @@ impl Refusal {
             Self::TooThin { resolution_mm, .. } if LENGTH_MM.contains(resolution_mm) => {
                 format!("send a finer mask, or try resolution_mm {}", significant(*resolution_mm))
             }
+            Self::Fragment { .. } => "leave it out: it is a stray piece of a segmentation, or send a finer mask".to_owned(),
             Self::Hollow { .. } => {
                 "check the segmentation: send it with its holes filled".to_owned()
             }

@@ -192,6 +192,7 @@ fn worked(
     context: &Context<'_>,
     structure: &mut Structure,
 ) -> Result<Worked, PipelineError> {
+    part.refuse_fragment()?;
     let Masked { solid, object, changes } = context.stage(Stage::Mask, || masked(&part.native, context))?;
     structure.object.append(object);
     if structure.working_voxel_mm == 0.0 {

@@ -6,7 +6,7 @@ use medialrep::pipeline::PipelineError;
 use medialrep::space::{LabelVolume, significant};
 use nalgebra::Rotation3;
 
-use crate::help::phantoms::{first_sheet, model_of, painted, params, run_of, sample, sheets, turned, volume};
+use crate::help::phantoms::{first_sheet, model_of, painted, params, run_of, run_with, sample, sheets, turned, volume};
 
 /// Why it has no sheet.
 fn refusal_of(volume: &LabelVolume) -> Refusal {
@@ -163,4 +163,13 @@ fn a_moebius_band_is_refused_on_any_grid() {
         let band = sample("mobius").voxelise([1.0; 3], rotation).expect("fits");
         assert_eq!(refusal_of(&band).code(), "not_orientable");
     }
+}
+
+#[test]
+fn a_few_voxels_are_a_fragment_and_refused_with_their_number() {
+    let clump =
+        |edge: usize| painted([14; 3], [1.0; 3], move |at| u16::from(at.iter().all(|x| (4..4 + edge).contains(x))));
+    let refusal = run_with(&clump(3), "{}").map(|model| model.structures.len()).expect_err("27 voxels are no organ");
+    assert_eq!(refusal.to_string(), "the object is a fragment of 27 voxels");
+    assert!(run_with(&clump(4), "{}").is_ok(), "64 voxels may be a small one");
 }

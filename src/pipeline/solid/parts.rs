@@ -9,10 +9,12 @@ use std::cmp::Reverse;
 use nalgebra::Vector3;
 
 use super::NativeMask;
+use super::clean::NOISE_VOXELS;
 use super::cut_out::{Label, cut_out, warn_if_cut};
 use super::grid::grain::{grain, grain_mm, on_grain};
 use super::necks::apart;
 use crate::cancel::{Cancel, Cancelled};
+use crate::model::Refusal;
 use crate::numerics::components::{Components, Connectivity, boundary_voxels, components};
 use crate::numerics::field::{centre, id};
 use crate::pipeline::context::Context;
@@ -21,6 +23,10 @@ use crate::space::{Grid, LabelVolume, VoxelIndex, WorldPoint};
 /// Share of the label's voxels above which a part has figures of its own. Below it, fragments would be figures that hardly
 /// change a mean; with 0.05, a colon lacks a piece of 0.047, and nearly a fifth of its surface is far from the model.
 const PART_SHARE: f64 = 0.02;
+
+/// Voxels of its grain up to which a part is a fragment: three along each axis. Of the labels of two torsos
+/// three have 1, 3 and 6, all others 69 and more.
+const FRAGMENT: usize = NOISE_VOXELS;
 
 /// A label as it was sent, on its own grain.
 #[derive(Clone, Debug)]
@@ -145,6 +151,14 @@ impl SentPart {
         let own = NativeMask { mask: some.clone(), ..self.native };
         let within = part(&own, &pieces, largest as usize);
         Ok(Some(Self { first: [0, 1, 2].map(|axis| self.first[axis] + within.first[axis]), ..within }))
+    }
+
+    /// Refuses a part that is a fragment.
+    ///
+    /// # Errors
+    /// [`Refusal::Fragment`].
+    pub fn refuse_fragment(&self) -> Result<(), Refusal> {
+        if self.voxels > FRAGMENT { Ok(()) } else { Err(Refusal::Fragment { voxels: self.voxels }) }
     }
 
     /// Clears its voxels in a grid of the whole.
