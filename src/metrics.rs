@@ -17,7 +17,7 @@ const SECONDS: [f64; 12] = [0.001, 0.005, 0.02, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
 struct Request {
-    method: String,
+    method: &'static str,
     route: String,
     status: u16,
 }
@@ -159,8 +159,8 @@ impl Metrics {
     }
 
     /// A request was answered.
-    pub fn request(&self, method: &str, route: &str, status: u16, seconds: f64) {
-        let (method, route) = (method.to_owned(), route.to_owned());
+    pub fn request(&self, method: &'static str, route: &str, status: u16, seconds: f64) {
+        let route = route.to_owned();
         self.request_seconds.get_or_create(&Route { route: route.clone() }).observe(seconds);
         self.requests.get_or_create(&Request { method, route, status }).inc();
     }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use axum::extract::{MatchedPath, Request, State};
-use axum::http::HeaderMap;
+use axum::http::{HeaderMap, Method};
 use axum::middleware::Next;
 use axum::response::Response;
 use tracing::{Instrument, info_span};
@@ -39,12 +39,16 @@ pub async fn requests(State(jobs): State<Arc<Jobs>>, mut request: Request, next:
         let response = next.run(request).await;
         let (status, seconds) = (response.status().as_u16(), begun.elapsed().as_secs_f64());
         tracing::info!(%method, route, status, ms = (seconds * 1e6).round() / 1e3, "request");
-        // A method of the client's own making would be a label of its own.
-        let method = if method.as_str().len() <= 7 { method.as_str() } else { "other" };
-        jobs.metrics().request(method, &route, status, seconds);
+        jobs.metrics().request(label_of(&method), &route, status, seconds);
         response
     };
     CURRENT.scope(trace, answer.instrument(span)).await
+}
+
+/// A method as a label: one of the client's own making would be a label of its own.
+fn label_of(method: &Method) -> &'static str {
+    const KNOWN: [&str; 7] = ["GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"];
+    KNOWN.into_iter().find(|known| *known == method.as_str()).unwrap_or("other")
 }
 
 impl TraceId {
@@ -79,6 +83,14 @@ fn parse(text: &str) -> Option<TraceId> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn methods_of_a_client_s_own_making_are_one_label() {
+        assert_eq!(label_of(&Method::PATCH), "PATCH");
+        for made_up in ["AAAA", "get", "CONNECT", "M1234567"] {
+            assert_eq!(label_of(&Method::from_bytes(made_up.as_bytes()).expect("a token")), "other", "{made_up}");
+        }
+    }
 
     #[test]
     fn a_traceparent_is_read_as_the_standard_says() {
