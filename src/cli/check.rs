@@ -1,5 +1,5 @@
 //! `medialrep check`: whether a service can run as it is set up, and whether what it keeps is whole.
-//! Changes nothing, but that it brings an older database up to date as each command does; a service may run beside it.
+//! Changes nothing: an older database is told, not brought up to date; a service may run beside it.
 
 use std::fs;
 use std::os::unix::fs::MetadataExt;
@@ -72,7 +72,7 @@ async fn check_all(args: &CheckArgs, config: &ServeConfig, findings: &mut Findin
         findings.tell("database", Ok("none yet; the first start makes it".to_owned()));
         return;
     }
-    let store = match place.open_store().await {
+    let store = match place.open_store_to_read().await {
         Ok(store) => store,
         Err(error) => return findings.tell("database", Err(error.into())),
     };

@@ -62,13 +62,21 @@ impl Place {
         Ok(Arc::new(SqliteStore::open(&self.database()).await?))
     }
 
+    /// Opens the store to be read, as it is: nothing of it changes.
+    ///
+    /// # Errors
+    /// When it cannot be used, or is of another version of this program.
+    pub async fn open_store_to_read(&self) -> Result<Arc<dyn Store>, OpenError> {
+        Ok(Arc::new(SqliteStore::open_to_read(&self.database()).await?))
+    }
+
     /// Copies the store as it is now to another place, which has none. Others may write meanwhile.
     ///
     /// # Errors
     /// When one of them cannot be used.
     pub async fn copy_store_to(&self, other: &Self) -> Result<(), OpenError> {
         make_private(&other.folder.join("db"))?;
-        Ok(self.open_store().await?.copy_to(&other.database()).await?)
+        Ok(self.open_store_to_read().await?.copy_to(&other.database()).await?)
     }
 
     /// Begins to take part in the work here: as a server that lives as long as the instance, with the files

@@ -283,6 +283,26 @@ async fn a_database_of_a_later_version_is_refused_in_words() {
 }
 
 #[tokio::test]
+async fn commands_that_only_read_tell_an_older_database_and_leave_it_as_it_is() {
+    let dir = TempDir::new().unwrap();
+    let mut steps = steps();
+    let known = steps.pop().unwrap().0;
+    database(dir.path(), &steps).await.close().await;
+    let file = dir.path().join("db/jobs.sqlite");
+    let before = std::fs::read(&file).unwrap();
+    let out = dir.path().join("copy").display().to_string();
+    for command in [vec!["check", "--min-free-mib", "0"], vec!["backup", "--out", &out]] {
+        let output = run(&command, dir.path());
+        let told = [output.stdout, output.stderr].concat();
+        let told = String::from_utf8_lossy(&told);
+        assert_eq!(output.status.code(), Some(1), "{told}");
+        assert!(told.contains("an earlier version of this program"), "{command:?}: {told}");
+        assert!(told.contains(&format!("at step {}, this version has {known}", known - 1)), "{command:?}: {told}");
+        assert_eq!(std::fs::read(&file).unwrap(), before, "{command:?}");
+    }
+}
+
+#[tokio::test]
 async fn what_is_no_database_is_refused() {
     let dir = TempDir::new().unwrap();
     std::fs::create_dir(dir.path().join("db")).unwrap();

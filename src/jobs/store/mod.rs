@@ -59,6 +59,17 @@ pub enum StoreError {
     /// The database cannot be reached, or others keep it locked: later it may work.
     #[error("the database cannot be used at the moment: {0}")]
     Unavailable(String),
+    /// The tables are those of an earlier version of this program, and nothing is to be changed.
+    #[error(
+        "the database is that of an earlier version of this program (its tables are at step {found}, this version has \
+         {known}): the next start of a server brings it up to date"
+    )]
+    Older {
+        /// The last step of its tables.
+        found: i64,
+        /// The last one of this version.
+        known: i64,
+    },
     /// The tables are those of a later version of this program.
     #[error(
         "the database was made by a later version of this program (its tables are at step {found}, this version knows \
@@ -468,6 +479,9 @@ pub trait TokenStore: Send + Sync {
 pub trait Store: JobStore + QueueStore + RetentionStore + CallbackStore + TokenStore {
     /// Fails unless the store can be written to.
     async fn check_writable(&self) -> Result<(), StoreError>;
+
+    /// Fails unless the store can be read. Writes nothing.
+    async fn check_readable(&self) -> Result<(), StoreError>;
 
     /// What the store finds wrong with itself; empty when nothing is.
     async fn check_integrity(&self) -> Result<Vec<String>, StoreError>;

@@ -19,6 +19,7 @@ mod callbacks;
 
 mod tokens;
 
+use std::cmp::Ordering;
 use std::path::Path;
 use std::time::Duration;
 
@@ -52,22 +53,34 @@ impl SqliteStore {
     /// # Errors
     /// When the file cannot be opened or is of a later version of this program.
     pub async fn open(path: &Path) -> Result<Self, StoreError> {
-        let options = SqliteConnectOptions::new()
-            .filename(path)
+        let options = common_options(path)
             .create_if_missing(true)
             .journal_mode(SqliteJournalMode::Wal)
             .synchronous(SqliteSynchronous::Full)
-            .busy_timeout(BUSY_TIMEOUT)
-            // The file system may be read-only outside of the data directory.
-            .pragma("temp_store", "memory")
             // What is deleted is patient data: its bytes are overwritten.
             .pragma("secure_delete", "on");
         let writer = SqlitePoolOptions::new().max_connections(1).connect_with(options.clone()).await?;
-        let steps = migrator();
-        let known = steps.iter().map(|step| step.version).max().unwrap_or(0);
+        let (steps, known) = (migrator(), last_step());
         steps.run(&writer).await.map_err(|error| error::of_migration(error, known))?;
         let reader = SqlitePoolOptions::new().max_connections(READ_CONNECTIONS).connect_with(options).await?;
         Ok(Self { writer, reader })
+    }
+
+    /// Opens the file to be read, as it is: nothing of it changes, its tables neither.
+    ///
+    /// # Errors
+    /// When it cannot be opened, or its tables are not those of this version of the program.
+    pub async fn open_to_read(path: &Path) -> Result<Self, StoreError> {
+        let options = common_options(path).read_only(true);
+        let reader = SqlitePoolOptions::new().max_connections(READ_CONNECTIONS).connect_with(options).await?;
+        let found: Option<i64> =
+            sqlx::query("SELECT MAX(version) FROM _sqlx_migrations").fetch_one(&reader).await?.try_get(0)?;
+        let (found, known) = (found.unwrap_or(0), last_step());
+        match found.cmp(&known) {
+            Ordering::Less => Err(StoreError::Older { found, known }),
+            Ordering::Equal => Ok(Self { writer: reader.clone(), reader }),
+            Ordering::Greater => Err(StoreError::Newer { found, known }),
+        }
     }
 
     /// The row that a change returns, if it changed one. Asked for one row only, SQLite commits when it is no
@@ -81,6 +94,16 @@ impl SqliteStore {
     async fn write(&self) -> Result<Transaction<'static, Sqlite>, StoreError> {
         Ok(self.writer.begin_with("BEGIN IMMEDIATE").await?)
     }
+}
+
+fn common_options(path: &Path) -> SqliteConnectOptions {
+    // The file system may be read-only outside of the data directory.
+    SqliteConnectOptions::new().filename(path).busy_timeout(BUSY_TIMEOUT).pragma("temp_store", "memory")
+}
+
+/// The last step of the tables that this program knows.
+fn last_step() -> i64 {
+    migrator().iter().map(|step| step.version).max().unwrap_or(0)
 }
 
 fn migrator() -> Migrator {
@@ -104,6 +127,11 @@ impl Store for SqliteStore {
         .bind(Timestamp::now().as_millisecond())
         .execute(&self.writer)
         .await?;
+        Ok(())
+    }
+
+    async fn check_readable(&self) -> Result<(), StoreError> {
+        sqlx::query("SELECT id FROM jobs LIMIT 1").fetch_optional(&self.reader).await?;
         Ok(())
     }
 
