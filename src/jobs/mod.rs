@@ -60,6 +60,8 @@ pub mod results;
 
 mod upkeep;
 
+mod storage_health;
+
 pub mod submission;
 
 pub mod worker;

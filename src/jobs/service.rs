@@ -18,9 +18,11 @@ use super::job::{Job, JobId, JobState};
 use super::limits::JobLimits;
 use super::place::{OpenError, Place};
 use super::running::{Running, RunningJobs};
+use super::storage_health::StorageHealth;
 use super::store::blobs::Blobs;
 use super::store::liveness::Instance;
 use super::store::{CancelAnswer, Lease, ListQuery, QueueLimits, RetryAnswer, Store};
+use super::upkeep::Unnamed;
 use crate::audit::{Action, Audit, Entry};
 use crate::metrics::{Metrics, Now};
 use crate::pipeline::progress::Progress;
@@ -58,6 +60,8 @@ pub struct Jobs {
     webhooks: Option<Sender>,
     /// Held while a result is made on request.
     making: Mutex<()>,
+    unnamed: Mutex<Unnamed>,
+    storage_health: StorageHealth,
 }
 
 impl Jobs {
@@ -85,6 +89,8 @@ impl Jobs {
             metrics: Metrics::new(),
             webhooks,
             making: Mutex::default(),
+            unnamed: Mutex::default(),
+            storage_health: StorageHealth::default(),
         };
         jobs.take_over().await?;
         jobs.record(&Caller::default(), Action::Started, None, "ok").await;
@@ -107,6 +113,11 @@ impl Jobs {
     #[must_use]
     pub fn store(&self) -> &dyn Store {
         &*self.store
+    }
+
+    /// Files that no job names, as far as is known.
+    pub(super) fn known_unnamed(&self) -> &Mutex<Unnamed> {
+        &self.unnamed
     }
 
     /// What operators alarm on.
@@ -263,15 +274,21 @@ impl Jobs {
         Ok(())
     }
 
-    /// Names what keeps the service from doing its work; empty when nothing does.
+    /// Names what keeps the service from doing its work; empty when nothing does. It costs nothing to ask, however often.
     pub async fn what_is_broken(&self) -> Vec<&'static str> {
+        let storage = self.storage_health.now(&*self.store, &self.blobs).await;
         let checks = [
             ("the server is stopping", self.closing.is_cancelled()),
-            ("the database cannot be written", self.store.check_writable().await.is_err()),
-            ("the data directory cannot be written", self.blobs.check_writable().await.is_err()),
+            ("the database cannot be written", storage.is_store_broken),
+            ("the data directory cannot be written", storage.is_folder_broken),
             ("no worker is alive", self.workers_alive.load(Ordering::Relaxed) == 0),
         ];
         checks.iter().filter(|(_, is_broken)| *is_broken).map(|(what, _)| *what).collect()
+    }
+
+    /// Tries whether the database and the data directory take a write.
+    pub(super) async fn try_storage(&self) {
+        self.storage_health.try_writes(&*self.store, &self.blobs).await;
     }
 
     /// Whether the disk has less room than is to be left free: then nothing is taken in.

@@ -1,28 +1,60 @@
 //! What has to be seen to beside the work: jobs and files that processes left which are gone, files that no
 //! job names, and what is due when a job has ended.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use jiff::Timestamp;
+use tokio::time::Instant;
 
 use super::blocking::on_own_thread;
 use super::error::JobsError;
 use super::job::{JobId, JobState};
 use super::place::OpenError;
 use super::service::Jobs;
+use super::store::blobs::{StoredKey, without_kept};
 use super::store::{Reclaim, StoreError};
 
-/// How old a file must be that no job names before it is swept while others may be at work.
-const SWEEP_AGE: Duration = Duration::from_secs(3600);
+/// How long it must be known that no job names a file before it is swept while others may be at work. A file has its row within
+/// seconds. Its own age says nothing: a result that is used again is a link to an old file, and the clock of the wall may jump.
+const UNNAMED_FOR: Duration = Duration::from_secs(1800);
+
+/// Files that no job names, and since when that is known.
+#[derive(Debug, Default)]
+pub(super) struct Unnamed {
+    since: BTreeMap<StoredKey, Instant>,
+}
+
+impl Unnamed {
+    /// Takes in what is unnamed now. Those that have been for long enough.
+    fn look(&mut self, found: Vec<StoredKey>, now: Instant) -> Vec<StoredKey> {
+        let before = std::mem::take(&mut self.since);
+        let mut ripe = Vec::new();
+        for key in found {
+            let since = before.get(&key).copied().unwrap_or(now);
+            if now.duration_since(since) >= UNNAMED_FOR {
+                ripe.push(key.clone());
+            }
+            self.since.insert(key, since);
+        }
+        ripe
+    }
+}
 
 impl Jobs {
-    /// Takes up what others left, at the start. Files are swept however young they are when nobody else can be
-    /// writing them.
+    /// Takes up what others left, at the start. Files that no job names are swept at once when nobody else can be writing
+    /// them; whoever starts meanwhile waits.
     pub(super) async fn take_over(&self) -> Result<(), OpenError> {
         let taken_up = self.take_up_dead().await?;
         let peers = self.instance().peers();
-        let is_alone = !on_own_thread(move || peers.has_company()).await?;
-        let swept = self.sweep(if is_alone { Duration::ZERO } else { SWEEP_AGE }).await?;
+        let swept = match on_own_thread(move || peers.alone()).await? {
+            Some(alone) => {
+                let swept = self.sweep_all().await?;
+                drop(alone);
+                swept
+            }
+            None => self.sweep_old().await?,
+        };
         tracing::info!(taken_up, swept, "data directory opened");
         Ok(())
     }
@@ -63,23 +95,25 @@ impl Jobs {
         Ok(taken.len())
     }
 
-    /// Removes files older than `age` that no job names. Files first, rows then: what comes between
-    /// is too young.
-    async fn sweep(&self, age: Duration) -> Result<usize, OpenError> {
-        let found = self.blobs().older_than(age).await?;
-        let swept = self.blobs().sweep(found, self.store().kept_files().await?).await?;
+    /// Removes all files that no job names.
+    async fn sweep_all(&self) -> Result<usize, OpenError> {
         let blobs = self.blobs().clone();
-        let drafts = on_own_thread(move || {
-            if age.is_zero() {
-                blobs.sweep_scratch_of_others()?;
-            }
-            blobs.sweep_drafts(age)
-        });
-        Ok(swept + drafts.await?)
+        on_own_thread(move || blobs.sweep_scratch_of_others()).await?;
+        Ok(self.blobs().remove(&self.unnamed().await?).await?)
     }
 
+    /// Removes files of which it has been known for long enough that no job names them.
     pub(super) async fn sweep_old(&self) -> Result<usize, OpenError> {
-        self.sweep(SWEEP_AGE).await
+        let mut known = self.known_unnamed().lock().await;
+        let ripe = known.look(self.unnamed().await?, Instant::now());
+        Ok(self.blobs().remove(&ripe).await?)
+    }
+
+    /// Files that no job names now. Files first, rows then: what is stored in between is not looked at.
+    async fn unnamed(&self) -> Result<Vec<StoredKey>, OpenError> {
+        let found = self.blobs().stored().await?;
+        let kept = self.store().kept_files().await?;
+        Ok(on_own_thread(move || Ok(without_kept(found, kept))).await?)
     }
 
     /// What is due at the end of every job.
@@ -99,5 +133,24 @@ impl Jobs {
         if let Err(error) = erased.await {
             tracing::error!(job = %id, %error, "a mask cannot be erased; it is tried again later");
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_swept_when_no_job_has_named_it_for_long_enough() {
+        let [left, named_later] = ["left", "named later"].map(StoredKey::draft);
+        let (start, mut known) = (Instant::now(), Unnamed::default());
+        let mut look = |found: &[&StoredKey], halves: u32| {
+            known.look(found.iter().copied().cloned().collect(), start + UNNAMED_FOR / 2 * halves)
+        };
+        assert!(look(&[&left, &named_later], 0).is_empty(), "they may have their rows in a moment");
+        assert!(look(&[&left], 1).is_empty());
+        // Unnamed again, it is as if it had never been.
+        assert_eq!(look(&[&left, &named_later], 2), [left]);
+        assert!(look(&[&named_later], 3).is_empty());
     }
 }

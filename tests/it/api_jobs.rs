@@ -207,7 +207,16 @@ async fn ready_means_that_work_can_be_done() {
 
     let server = Server::start(writes()).await;
     assert_eq!(server.get("/readyz").await.json()["status"], "ready");
-    std::fs::remove_dir_all(server.dir.path().join("scratch")).unwrap();
+    // A folder that somebody removed is made anew; where that cannot be, nothing can be written.
+    let scratch = server.dir.path().join("scratch");
+    std::fs::remove_dir_all(&scratch).unwrap();
+    assert_eq!(server.get("/readyz").await.json()["status"], "ready");
+    let job = server.submit().await;
+    server.job_in(&job, "succeeded").await;
+    std::fs::remove_dir_all(&scratch).unwrap();
+    std::fs::write(&scratch, "no folder").unwrap();
+    // An answer is kept for a second.
+    tokio::time::sleep(Duration::from_millis(1100)).await;
     let problem = server.get("/readyz").await.is_problem(503, "not_ready");
     assert_eq!(problem.detail, "the data directory cannot be written");
     server.post("/v1/jobs", mask()).await.is_problem(500, "internal");

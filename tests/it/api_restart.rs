@@ -95,6 +95,24 @@ async fn files_that_no_job_names_are_swept() {
 }
 
 #[tokio::test]
+async fn a_file_that_may_get_its_row_in_a_moment_outlives_the_start_of_another_server_however_old_it_is() {
+    let server = Server::start(writes()).await;
+    let job = server.submit().await;
+    server.job_in(&job, "succeeded").await;
+    // As a result that is used again: linked to an old file, and its row not yet written.
+    let linked = server.dir.path().join("results").join(id_of(&job)).join("a-copy-whose-row-is-not-yet-written");
+    std::fs::create_dir_all(&linked).unwrap();
+    let file = std::fs::File::create(linked.join("model.glb")).unwrap();
+    file.set_modified(std::time::SystemTime::now() - Duration::from_secs(40 * 86400)).unwrap();
+    let scratch = server.dir.path().join("scratch").read_dir().unwrap().next().unwrap().unwrap();
+    let upload = scratch.path().join("under-way");
+    std::fs::write(&upload, mask()).unwrap();
+    let second = Jobs::open(&Place::at(server.dir.path()), limits(), None).await.unwrap();
+    assert!(linked.join("model.glb").exists() && upload.exists());
+    drop(second);
+}
+
+#[tokio::test]
 async fn servers_that_share_a_folder_share_its_jobs() {
     let gate = Arc::new(AtomicBool::new(false));
     let first = Server::start(waits(&gate)).await;

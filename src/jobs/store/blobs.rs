@@ -15,7 +15,6 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, SystemTime};
 
 use bytes::Bytes;
 use futures_util::stream::BoxStream;
@@ -24,6 +23,7 @@ use object_store::buffered::BufWriter;
 use object_store::local::LocalFileSystem;
 use object_store::path::Path as Key;
 use object_store::{GetOptions, GetRange, GetResultPayload, ObjectStore, ObjectStoreExt};
+use rustix::fs::Access;
 use sha2::{Digest, Sha256};
 use tempfile::{NamedTempFile, TempPath};
 use tokio::fs::File;
@@ -109,12 +109,19 @@ impl Blobs {
         Self { store, ..self }
     }
 
-    /// A file for an upload; it vanishes when dropped. Blocks.
+    /// A file for an upload, in a folder that is made anew when it was lost; it vanishes when dropped. Blocks.
     ///
     /// # Errors
     /// When it cannot be made.
     pub fn begin_upload(&self) -> io::Result<NamedTempFile> {
-        NamedTempFile::new_in(&self.scratch)
+        match NamedTempFile::new_in(&self.scratch) {
+            // Whoever removed the folder did not know that somebody needs it.
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {
+                make_private(&self.scratch)?;
+                NamedTempFile::new_in(&self.scratch)
+            }
+            made => made,
+        }
     }
 
     /// Keeps an upload as the mask of a job.
@@ -300,48 +307,35 @@ impl Blobs {
         self.erase_results(id).await
     }
 
-    /// All keys of objects that are older than `age`.
+    /// All keys: of objects, and of what the object store left half-written, a draft beside its key, which it never lists.
     ///
     /// # Errors
     /// When they cannot be listed.
-    pub async fn older_than(&self, age: Duration) -> io::Result<Vec<StoredKey>> {
-        let latest = SystemTime::now() - age;
+    pub async fn stored(&self) -> io::Result<Vec<StoredKey>> {
         let mut found = Vec::new();
         for folder in [MASKS, RESULTS] {
             let mut objects = self.store.list(Some(&Key::from(folder)));
             while let Some(object) = objects.try_next().await.map_err(io_error)? {
-                if SystemTime::from(object.last_modified) <= latest {
-                    found.push(StoredKey(object.location));
-                }
+                found.push(StoredKey(Stored::Object(object.location)));
             }
         }
+        let root = self.root.clone();
+        found.extend(on_own_thread(move || drafts(&root)).await?);
         Ok(found)
     }
 
-    /// Removes those of `found` that no job keeps: what a crash left. Says how many.
+    /// Removes what is stored under these keys, and says how many they were.
     ///
     /// # Errors
     /// When one cannot be removed.
-    pub async fn sweep(&self, found: Vec<StoredKey>, kept: Vec<KeptFiles>) -> io::Result<usize> {
-        let swept = on_own_thread(move || Ok(without_kept(found, kept))).await?;
-        for key in &swept {
-            gone(self.store.delete(&key.0).await.map_err(io_error))?;
+    pub async fn remove(&self, keys: &[StoredKey]) -> io::Result<usize> {
+        for key in keys {
+            match &key.0 {
+                Stored::Object(key) => gone(self.store.delete(key).await.map_err(io_error))?,
+                Stored::Draft(path) => gone(tokio::fs::remove_file(path).await)?,
+            }
         }
-        Ok(swept.len())
-    }
-
-    /// Removes what the object store itself left half-written longer ago than `age`: a draft beside
-    /// its key, which it never lists. Blocks.
-    ///
-    /// # Errors
-    /// When a folder cannot be read.
-    pub fn sweep_drafts(&self, age: Duration) -> io::Result<usize> {
-        let latest = SystemTime::now() - age;
-        let mut swept = 0;
-        for folder in [MASKS, RESULTS] {
-            sweep_drafts(&self.root.join(folder), latest, &mut swept)?;
-        }
-        Ok(swept)
+        Ok(keys.len())
     }
 
     /// Removes the scratch files of all other processes. Blocks.
@@ -364,6 +358,20 @@ impl Blobs {
     /// When they cannot be removed.
     pub fn sweep_scratch(&self, instance: &str) -> io::Result<()> {
         gone(fs::remove_dir_all(self.root.join(SCRATCH).join(instance)))
+    }
+
+    /// Fails where the folders can be seen to take no file; writes none. A matter of microseconds.
+    ///
+    /// # Errors
+    /// When they are no folders, or may not be written to.
+    pub fn look(&self) -> io::Result<()> {
+        rustix::fs::access(&self.root, Access::WRITE_OK | Access::EXEC_OK)?;
+        let about = match fs::metadata(&self.scratch) {
+            // It is made anew when it is needed.
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
+            about => about?,
+        };
+        if about.is_dir() { Ok(()) } else { Err(io::ErrorKind::NotADirectory.into()) }
     }
 
     /// Fails unless a file can be written and made durable.
@@ -430,18 +438,33 @@ async fn put_large(from: File, mut to: BufWriter) -> io::Result<()> {
     to.shutdown().await.map_err(io_error)
 }
 
-fn without_kept(found: Vec<StoredKey>, kept: Vec<KeptFiles>) -> Vec<StoredKey> {
+/// Those of some keys that no job keeps. Takes long of many.
+#[must_use]
+pub fn without_kept(found: Vec<StoredKey>, kept: Vec<KeptFiles>) -> Vec<StoredKey> {
     let kept: BTreeMap<String, KeptFiles> = kept.into_iter().map(|files| (files.id.to_string(), files)).collect();
     found.into_iter().filter(|key| !key.is_kept(&kept)).collect()
 }
 
 /// Where something is stored.
-#[derive(Clone, Debug)]
-pub struct StoredKey(Key);
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct StoredKey(Stored);
+
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Stored {
+    Object(Key),
+    Draft(PathBuf),
+}
 
 impl StoredKey {
+    /// That of a draft.
+    #[cfg(test)]
+    pub(crate) fn draft(path: &str) -> Self {
+        Self(Stored::Draft(path.into()))
+    }
+
     fn is_kept(&self, kept: &BTreeMap<String, KeptFiles>) -> bool {
-        let parts: Vec<String> = self.0.parts().map(|part| part.as_ref().to_owned()).collect();
+        let Stored::Object(key) = &self.0 else { return false };
+        let parts: Vec<String> = key.parts().map(|part| part.as_ref().to_owned()).collect();
         let Some(job) = parts.get(1).and_then(|job| kept.get(job)) else { return false };
         match parts[0].as_str() {
             MASKS => job.mask,
@@ -467,23 +490,31 @@ fn result_key(id: JobId, token: &str, name: &str) -> Key {
     Key::from_iter([RESULTS, &id.to_string(), token, name])
 }
 
-/// Drafts are named like their key, then `#` and a number. Folders that are empty go too.
-fn sweep_drafts(folder: &Path, latest: SystemTime, swept: &mut usize) -> io::Result<()> {
+/// All drafts in a data directory: they are named like their key, then `#` and a number.
+fn drafts(root: &Path) -> io::Result<Vec<StoredKey>> {
+    let mut found = Vec::new();
+    for folder in [MASKS, RESULTS] {
+        find_drafts(&root.join(folder), &mut found)?;
+    }
+    Ok(found)
+}
+
+/// Folders that are empty go.
+fn find_drafts(folder: &Path, found: &mut Vec<StoredKey>) -> io::Result<()> {
     let entries = match fs::read_dir(folder) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
         entries => entries?,
     };
     for entry in entries {
         let entry = entry?;
-        let (name, about) = (entry.file_name(), entry.metadata()?);
+        let name = entry.file_name();
         let number = name.to_str().and_then(|name| name.rsplit_once('#')).map(|(_, number)| number);
-        if about.is_dir() {
-            sweep_drafts(&entry.path(), latest, swept)?;
+        if entry.file_type()?.is_dir() {
+            find_drafts(&entry.path(), found)?;
             // Goes when it is empty. Whoever is about to write into it makes it anew.
             let _ = fs::remove_dir(entry.path());
-        } else if number.is_some_and(|n| n.bytes().all(|b| b.is_ascii_digit())) && about.modified()? <= latest {
-            gone(fs::remove_file(entry.path()))?;
-            *swept += 1;
+        } else if number.is_some_and(|n| n.bytes().all(|b| b.is_ascii_digit())) {
+            found.push(StoredKey(Stored::Draft(entry.path())));
         }
     }
     Ok(())

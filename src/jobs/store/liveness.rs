@@ -10,6 +10,8 @@ use super::new_token;
 use crate::jobs::make_private;
 
 const INSTANCES: &str = "instances";
+/// A file that is locked while a process enters, and while one is alone.
+const DOOR: &str = ".door";
 
 /// This process, alive as long as this value.
 #[derive(Debug)]
@@ -21,13 +23,15 @@ pub struct Instance {
 }
 
 impl Instance {
-    /// Says to the others that this process lives. Blocks.
+    /// Says to the others that this process lives; waits while one of them is [`Alone`]. Blocks.
     ///
     /// # Errors
     /// When the folder cannot be written to.
     pub fn begin(data_dir: &Path) -> io::Result<Self> {
         let folder = data_dir.join(INSTANCES);
         make_private(&folder)?;
+        let door = File::create(folder.join(DOOR))?;
+        door.lock_shared()?;
         let id = new_token();
         // Locked before it has its name, so that nobody finds it without its lock.
         let draft = folder.join(format!(".{id}"));
@@ -89,11 +93,18 @@ impl Peers {
         Ok(others)
     }
 
-    /// Whether another process uses the data directory.
+    /// Keeps others out, if there are none: as long as the answer is held, whoever begins waits.
     ///
     /// # Errors
     /// When the folder cannot be read.
-    pub fn has_company(&self) -> io::Result<bool> {
+    pub fn alone(&self) -> io::Result<Option<Alone>> {
+        let door = File::create(self.folder.join(DOOR))?;
+        door.lock()?;
+        Ok((!self.has_company()?).then_some(Alone { _door: door }))
+    }
+
+    /// Whether another process uses the data directory.
+    fn has_company(&self) -> io::Result<bool> {
         Ok(self.others()?.len() > self.dead()?.len())
     }
 
@@ -102,6 +113,13 @@ impl Peers {
         // Another process may have done so.
         let _ = fs::remove_file(self.folder.join(dead));
     }
+}
+
+/// Nobody else uses the data directory, nor begins to, as long as this value lives.
+#[derive(Debug)]
+pub struct Alone {
+    /// Held, never read.
+    _door: File,
 }
 
 fn is_free(path: &Path) -> io::Result<bool> {
@@ -134,5 +152,22 @@ mod tests {
         peers.bury("killed");
         drop(two);
         assert!(!left.exists() && !peers.has_company().expect("list"));
+    }
+
+    #[test]
+    fn whoever_begins_waits_for_one_who_is_alone() {
+        let dir = tempfile::TempDir::new().expect("a folder");
+        let one = Instance::begin(dir.path()).expect("first");
+        let alone = one.peers().alone().expect("asked").expect("nobody else is there");
+        let (path, (began, has_begun)) = (dir.path().to_owned(), std::sync::mpsc::channel());
+        let other = std::thread::spawn(move || {
+            let two = Instance::begin(&path).expect("second");
+            began.send(()).expect("heard");
+            two
+        });
+        assert!(has_begun.recv_timeout(std::time::Duration::from_millis(200)).is_err(), "it waits");
+        drop(alone);
+        let two = other.join().expect("it has begun");
+        assert!(one.peers().alone().expect("asked").is_none() && two.peers().alone().expect("asked").is_none());
     }
 }
