@@ -66,7 +66,10 @@ async fn stop_unwanted(jobs: &Jobs) -> Result<(), StoreError> {
 
 async fn take_up(jobs: &Jobs) -> Result<(), OpenError> {
     jobs.take_up_dead().await?;
-    jobs.reclaim(Reclaim::LeaseBefore(Timestamp::now())).await?;
+    // After a jump of the clock every lease looks as if it had run out, until its worker has extended it.
+    if let Some(now) = jobs.clock().steady_for_all_for(LEASE.unsigned_abs()) {
+        jobs.reclaim(Reclaim::LeaseBefore(now)).await?;
+    }
     Ok(())
 }
 

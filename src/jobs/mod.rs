@@ -68,6 +68,8 @@ pub mod worker;
 
 mod leases;
 
+mod clock;
+
 mod retention;
 
 mod callbacks;

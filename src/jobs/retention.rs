@@ -16,6 +16,9 @@ use crate::audit::Action;
 const LOOK: Duration = Duration::from_secs(5);
 /// How often files that no job names are looked for.
 const SWEEP: Duration = Duration::from_secs(3600);
+/// How long the clock must not have jumped before anything is erased: one that is forty days ahead for some seconds would
+/// erase everything.
+const STEADY: Duration = Duration::from_secs(3600);
 /// How many jobs are erased at once: others want to write in between.
 const BATCH: u32 = 100;
 
@@ -78,9 +81,10 @@ impl What {
 }
 
 async fn erase_due(jobs: &Jobs) -> Result<(), JobsError> {
+    let Some(now) = jobs.clock().steady_for(STEADY) else { return Ok(()) };
     let keep = jobs.limits().keep;
     for (what, time) in [(What::Jobs, keep.jobs), (What::Results, keep.results), (What::Masks, keep.masks)] {
-        while let Some(before) = long_ago(time) {
+        while let Some(before) = time.and_then(|time| now.checked_sub(time).ok()) {
             let due = what.mark(jobs, before).await?;
             tell(jobs, what.name(), &due).await;
             for id in &due {
@@ -92,11 +96,6 @@ async fn erase_due(jobs: &Jobs) -> Result<(), JobsError> {
         }
     }
     Ok(())
-}
-
-/// What ended before this has been kept for `time`; `None` is for ever.
-fn long_ago(time: Option<Duration>) -> Option<Timestamp> {
-    time.and_then(|time| Timestamp::now().checked_sub(time).ok())
 }
 
 /// Before the files go: the rows have gone already, and who stops the server now finds it written.

@@ -13,6 +13,7 @@ use tokio_util::sync::CancellationToken;
 use super::blocking::on_own_thread;
 use super::caller::{Caller, OpenRequest, OpenRequests};
 use super::changes::{Changes, RECHECK};
+use super::clock::Clock;
 use super::error::JobsError;
 use super::job::{Job, JobId, JobState};
 use super::limits::JobLimits;
@@ -62,6 +63,7 @@ pub struct Jobs {
     making: Mutex<()>,
     unnamed: Mutex<Unnamed>,
     storage_health: StorageHealth,
+    clock: Clock,
 }
 
 impl Jobs {
@@ -91,6 +93,7 @@ impl Jobs {
             making: Mutex::default(),
             unnamed: Mutex::default(),
             storage_health: StorageHealth::default(),
+            clock: Clock::default(),
         };
         jobs.take_over().await?;
         jobs.record(&Caller::default(), Action::Started, None, "ok").await;
@@ -113,6 +116,11 @@ impl Jobs {
     #[must_use]
     pub fn store(&self) -> &dyn Store {
         &*self.store
+    }
+
+    /// The clock of the wall.
+    pub(super) fn clock(&self) -> &Clock {
+        &self.clock
     }
 
     /// Files that no job names, as far as is known.
