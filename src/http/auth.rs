@@ -105,7 +105,8 @@ async fn authenticate(jobs: &Jobs, parts: &Parts, scope: Scope, trace_id: String
         return Ok(Caller { trace_id, ..Caller::default() });
     };
     let stranger = || Caller { trace_id: trace_id.clone(), ..Caller::default() };
-    let token = text.strip_prefix("Bearer ").and_then(|token| Token::parse(token.trim()));
+    let credentials = text.split_once(' ').filter(|(scheme, _)| scheme.eq_ignore_ascii_case("Bearer"));
+    let token = credentials.and_then(|(_, token)| Token::parse(token.trim()));
     let stored = match &token {
         Some(token) => jobs.store().get_token(&token.id).await.map_err(JobsError::Store)?,
         None => None,

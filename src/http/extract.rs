@@ -16,21 +16,71 @@ pub fn header(headers: &HeaderMap, name: HeaderName) -> Option<&str> {
     headers.get(name).map(|value| value.to_str().unwrap_or("unreadable"))
 }
 
+/// A header that is a list, which may be sent on several lines (RFC 9110, section 5.3), in one; nothing where it is not sent.
+pub fn list_header(headers: &HeaderMap, name: HeaderName) -> String {
+    let lines: Vec<&str> = headers.get_all(name).iter().map(|value| value.to_str().unwrap_or("unreadable")).collect();
+    lines.join(", ")
+}
+
+/// Whether a list without quoted commas has this token, in any case.
+pub fn has_token(list: &str, token: &str) -> bool {
+    list.split(',').any(|one| one.trim().eq_ignore_ascii_case(token))
+}
+
 /// Whether the client says that it has what this ETag stands for.
 pub fn has_it(headers: &HeaderMap, etag: &str) -> bool {
-    header(headers, IF_NONE_MATCH).is_some_and(|list| is_listed(list, etag))
+    is_listed(&list_header(headers, IF_NONE_MATCH), etag)
 }
 
 fn is_listed(list: &str, etag: &str) -> bool {
     list.split(',').map(|tag| tag.trim().trim_start_matches("W/")).any(|tag| tag == "*" || tag == etag)
 }
 
-/// `type/subtype;q=0.5`.
-pub fn media_range(text: &str) -> (&str, f32) {
+/// `type/subtype;q=0.5`, the range in lower case.
+pub fn media_range(text: &str) -> (String, f32) {
     let mut parts = text.split(';').map(str::trim);
-    let range = parts.next().unwrap_or_default();
-    let weight = parts.find_map(|part| part.strip_prefix("q=")).and_then(|q| q.parse().ok()).unwrap_or(1.0);
-    (range, weight)
+    let range = parts.next().unwrap_or_default().to_ascii_lowercase();
+    let weight = parts.find_map(|part| part.strip_prefix("q=").or_else(|| part.strip_prefix("Q=")));
+    (range, weight.and_then(|q| q.parse().ok()).unwrap_or(1.0))
+}
+
+/// The parameter `wanted` of a header like Content-Disposition: names in any case, values as tokens or quoted (RFC 9110,
+/// section 5.6.6).
+pub fn parameter(text: &str, wanted: &str) -> Option<String> {
+    let mut rest = text;
+    loop {
+        let place = rest.find([';', '"'])?;
+        // A quoted value holds no parameter.
+        if rest[place..].starts_with('"') {
+            rest = quoted(&rest[place..])?.1;
+            continue;
+        }
+        rest = rest[place + 1..].trim_start();
+        let Some((name, value)) = rest.split_once('=') else { continue };
+        if name.trim_end().eq_ignore_ascii_case(wanted) {
+            let value = value.trim_start();
+            if value.starts_with('"') {
+                return quoted(value).map(|(text, _)| text);
+            }
+            return Some(value.split(';').next().unwrap_or_default().trim_end().to_owned());
+        }
+    }
+}
+
+/// What a quoted string says, and what follows it.
+fn quoted(text: &str) -> Option<(String, &str)> {
+    let (mut said, mut is_escaped) = (String::new(), false);
+    for (place, c) in text.char_indices().skip(1) {
+        match c {
+            '"' if !is_escaped => return Some((said, &text[place + 1..])),
+            '\\' if !is_escaped => is_escaped = true,
+            c => {
+                said.push(c);
+                is_escaped = false;
+            }
+        }
+    }
+    None
 }
 
 /// The `{id}` of a path, described.
@@ -86,6 +136,31 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for StrictQuery<T>
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn parameters_are_parsed_and_not_searched_for() {
+        for (text, name) in [
+            ("form-data; name=\"mask\"; filename=\"m.nii.gz\"", Some("mask")),
+            ("form-data; Name=\"mask\"; FileName=\"m\"", Some("mask")),
+            ("form-data; filename=\"x; name=evil.nii\"; name=\"mask\"", Some("mask")),
+            ("form-data; filename=\"x\\\"; name=evil\"; name = mask ; x=y", Some("mask")),
+            ("form-data; filename=\"name=mask\"", None),
+            ("form-data; name=\"mask", None),
+            ("form-data", None),
+            (";;;", None),
+        ] {
+            assert_eq!(parameter(text, "name").as_deref(), name, "{text}");
+        }
+    }
+
+    #[test]
+    fn a_list_on_two_lines_is_one() {
+        let mut headers = HeaderMap::new();
+        headers.append(IF_NONE_MATCH, "\"x\"".parse().unwrap());
+        headers.append(IF_NONE_MATCH, "\"y\"".parse().unwrap());
+        assert!(has_it(&headers, "\"y\"") && !has_it(&headers, "\"z\""));
+        assert!(has_token("no-store, No-Cache", "no-cache") && !has_token("", "no-cache"));
+    }
 
     #[test]
     fn a_list_of_etags_is_searched() {

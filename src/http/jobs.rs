@@ -14,7 +14,7 @@ use utoipa::IntoParams;
 
 use super::auth::{Allowed, Read, TokenProblems, TooManyRequests, Write};
 use super::error::{ApiError, NoSuchJob, PROBLEM_JSON};
-use super::extract::{IdParam, JobPath, StrictQuery, has_it, header};
+use super::extract::{IdParam, JobPath, StrictQuery, has_it, list_header};
 use super::params_schema::{BytesSchema, FormSchema, SubmitQuery};
 use super::submit;
 use super::view::{JobList, JobView};
@@ -81,7 +81,7 @@ pub async fn submit(
     StrictQuery(query): StrictQuery<SubmitQuery>,
     request: Request,
 ) -> Result<Response, ApiError> {
-    let wait = header(request.headers(), PREFER).and_then(preferred_wait);
+    let wait = preferred_wait(&list_header(request.headers(), PREFER));
     let submission = submit::receive(&jobs, &allowed.caller, query, request).await?;
     let accepted = jobs.submit(&allowed.caller, submission).await?;
     let mut status = accepted.status;
@@ -109,8 +109,9 @@ pub async fn submit(
 
 /// Seconds of `wait=N` (RFC 7240), at most as many as this service waits.
 fn preferred_wait(prefer: &str) -> Option<u32> {
-    let preference = prefer.split([',', ';']).map(str::trim).find_map(|one| one.strip_prefix("wait="))?;
-    preference.trim_matches('"').parse::<u32>().ok().map(|seconds| seconds.min(MAX_WAIT_S))
+    let mut preferences = prefer.split([',', ';']).filter_map(|one| one.split_once('='));
+    let (_, wait) = preferences.find(|(name, _)| name.trim().eq_ignore_ascii_case("wait"))?;
+    wait.trim().trim_matches('"').parse::<u32>().ok().map(|seconds| seconds.min(MAX_WAIT_S))
 }
 
 /// Which jobs to list.

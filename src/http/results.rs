@@ -14,7 +14,7 @@ use axum::response::IntoResponse;
 
 use super::auth::{Allowed, Read, TokenProblems, TooManyRequests};
 use super::error::{ApiError, PROBLEM_JSON};
-use super::extract::{IdParam, JobPath, ResultPath, has_it, header, media_range};
+use super::extract::{IdParam, JobPath, ResultPath, has_it, header, list_header, media_range};
 use super::params_schema::BytesSchema;
 use crate::audit::Action;
 use crate::formats::artifacts::by_name;
@@ -87,8 +87,8 @@ pub async fn pick(
     JobPath(id): JobPath,
     headers: HeaderMap,
 ) -> Result<impl IntoResponse, ApiError> {
-    let accept = header(&headers, ACCEPT).unwrap_or("*/*");
-    let name = preferred(accept).ok_or_else(not_acceptable)?;
+    let accept = if headers.contains_key(ACCEPT) { list_header(&headers, ACCEPT) } else { "*/*".to_owned() };
+    let name = preferred(&accept).ok_or_else(not_acceptable)?;
     jobs.result(&allowed.caller, id, name).await?;
     let location = HeaderValue::from_str(&format!("/v1/jobs/{id}/results/{name}")).map_err(|_| Problem::internal())?;
     Ok((StatusCode::SEE_OTHER, [(LOCATION, location), (VARY, HeaderValue::from_static("Accept"))]))
@@ -101,7 +101,7 @@ fn not_acceptable() -> ApiError {
 
 /// The artifact of the media type that is wanted most; of equals the more telling one.
 fn preferred(accept: &str) -> Option<&'static str> {
-    let wanted: Vec<(&str, f32)> = accept.split(',').map(media_range).collect();
+    let wanted: Vec<(String, f32)> = accept.split(',').map(media_range).collect();
     let weight = |media_type: &str| {
         let group = media_type.split('/').next().unwrap_or_default();
         let fits = |range: &str| range == media_type || range == "*/*" || range.strip_suffix("/*") == Some(group);
@@ -131,7 +131,7 @@ async fn serve(jobs: &Jobs, published: &Published, headers: &HeaderMap) -> Resul
         return finish(answer.status(StatusCode::NOT_MODIFIED), Body::empty());
     }
     let range = match asked_range(headers, &etag, file.bytes) {
-        Asked::Unsatisfiable => return Err(unsatisfiable(file.bytes)),
+        Asked::Unsatisfiable => return Ok(unsatisfiable(file.bytes)),
         Asked::Whole => None,
         Asked::Part(first, last) => Some((first, last + 1)),
     };
@@ -181,27 +181,40 @@ enum Asked {
     Unsatisfiable,
 }
 
-/// One range of bytes (RFC 9110, section 14). Anything else is answered with the whole file, as
+/// One range of bytes (RFC 9110, section 14), in which a number larger than any is the largest. Anything else is answered with the whole file, as
 /// the standard allows.
 fn asked_range(headers: &HeaderMap, etag: &str, bytes: u64) -> Asked {
     let is_current = header(headers, IF_RANGE).is_none_or(|tag| tag == etag);
-    let range = header(headers, RANGE).filter(|_| is_current).and_then(|range| range.strip_prefix("bytes="));
-    let Some((first, last)) = range.and_then(|range| range.split_once('-')) else { return Asked::Whole };
-    match (first.trim().parse::<u64>(), last.trim().parse::<u64>()) {
-        (Ok(first), Ok(last)) if first > last => Asked::Whole,
-        (Ok(first), _) if first >= bytes => Asked::Unsatisfiable,
-        (Ok(first), Ok(last)) => Asked::Part(first, last.min(bytes - 1)),
-        (Ok(first), Err(_)) if last.trim().is_empty() => Asked::Part(first, bytes - 1),
-        (Err(_), Ok(0)) if first.trim().is_empty() => Asked::Unsatisfiable,
-        (Err(_), Ok(count)) if first.trim().is_empty() && bytes > 0 => {
-            Asked::Part(bytes.saturating_sub(count), bytes - 1)
-        }
+    let range = header(headers, RANGE).filter(|_| is_current).and_then(|range| range.split_once('='));
+    let range = range.filter(|(unit, _)| unit.eq_ignore_ascii_case("bytes")).and_then(|(_, set)| set.split_once('-'));
+    let Some((first, last)) = range.map(|(first, last)| (first.trim_start(), last.trim_end())) else {
+        return Asked::Whole;
+    };
+    match (position(first), position(last)) {
+        (Some(first), Some(last)) if first > last => Asked::Whole,
+        (Some(first), Some(_)) if first >= bytes => Asked::Unsatisfiable,
+        (Some(first), Some(last)) => Asked::Part(first, last.min(bytes - 1)),
+        (Some(first), None) if last.is_empty() && first >= bytes => Asked::Unsatisfiable,
+        (Some(first), None) if last.is_empty() => Asked::Part(first, bytes - 1),
+        (None, Some(0)) if first.is_empty() => Asked::Unsatisfiable,
+        (None, Some(count)) if first.is_empty() && bytes > 0 => Asked::Part(bytes.saturating_sub(count), bytes - 1),
         _ => Asked::Whole,
     }
 }
 
-fn unsatisfiable(bytes: u64) -> ApiError {
-    Problem::new(416, "range_not_satisfiable", format!("the file has {bytes} bytes")).at("header Range").into()
+/// A number of digits alone.
+fn position(text: &str) -> Option<u64> {
+    let is_number = !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
+    is_number.then(|| text.parse().unwrap_or(u64::MAX))
+}
+
+fn unsatisfiable(bytes: u64) -> Response<Body> {
+    let problem = Problem::new(416, "range_not_satisfiable", format!("the file has {bytes} bytes")).at("header Range");
+    let mut answer = ApiError::from(problem).into_response();
+    if let Ok(length) = HeaderValue::from_str(&format!("bytes */{bytes}")) {
+        answer.headers_mut().insert(CONTENT_RANGE, length);
+    }
+    answer
 }
 
 #[cfg(test)]
@@ -226,6 +239,13 @@ mod tests {
             ("bytes=0-1,3-4", Asked::Whole),
             ("lines=0-1", Asked::Whole),
             ("bytes=a-b", Asked::Whole),
+            ("BYTES=0-3", Asked::Part(0, 3)),
+            ("bytes=0-99999999999999999999999", Asked::Part(0, 9)),
+            ("bytes=-99999999999999999999999", Asked::Part(0, 9)),
+            ("bytes=99999999999999999999999-", Asked::Unsatisfiable),
+            ("bytes=99999999999999999999999-5", Asked::Whole),
+            ("bytes=+0-3", Asked::Whole),
+            ("bytes=0 - 3", Asked::Whole),
         ] {
             assert_eq!(asked(range), expected, "{range}");
         }
@@ -240,6 +260,7 @@ mod tests {
             ("model/*;q=0.2, */*;q=0.1", Some("model.glb")),
             ("text/csv;q=0.5, application/json;q=0.4", Some("thickness.csv")),
             ("application/*;q=0, */*", Some("model.glb")),
+            ("Application/JSON", Some("thickness.json")),
             ("image/png", None),
             ("*/*;q=0", None),
         ] {

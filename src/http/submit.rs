@@ -12,13 +12,13 @@ use std::task::{Context, Poll, ready};
 use axum::body::{Body, BodyDataStream, Bytes};
 use axum::extract::multipart::{Field, Multipart, MultipartError};
 use axum::extract::{DefaultBodyLimit, FromRequest, Request};
-use axum::http::header::{CACHE_CONTROL, CONTENT_ENCODING, CONTENT_LENGTH, CONTENT_TYPE};
+use axum::http::header::{CACHE_CONTROL, CONTENT_DISPOSITION, CONTENT_ENCODING, CONTENT_LENGTH, CONTENT_TYPE};
 use axum::http::{HeaderMap, HeaderName};
 use futures_util::{Stream, StreamExt};
 use tokio::time::timeout;
 
 use super::error::{ApiError, too_large};
-use super::extract::header;
+use super::extract::{has_token, header, list_header, media_range, parameter};
 use super::params_schema::SubmitQuery;
 use crate::formats::params_json::MAX_BYTES as MAX_TEXT_BYTES;
 use crate::jobs::caller::Caller;
@@ -58,10 +58,10 @@ pub async fn receive(
 ) -> Result<Submission, ApiError> {
     let headers = request.headers();
     refuse_encoded(headers)?;
-    let is_form = header(headers, CONTENT_TYPE).is_some_and(|kind| kind.starts_with("multipart/form-data"));
+    let is_form = header(headers, CONTENT_TYPE).is_some_and(|kind| media_range(kind).0 == "multipart/form-data");
     let length = refuse_large(headers, jobs.limits().upload.max_bytes, is_form)?;
     let idempotency_key = idempotency_key(headers)?;
-    let may_reuse = !header(headers, CACHE_CONTROL).is_some_and(|value| value.contains("no-cache"));
+    let may_reuse = !has_token(&list_header(headers, CACHE_CONTROL), "no-cache");
     let mut asked = Asked::default();
     for (name, text) in [("params", query.params), ("labels", query.labels), ("callback_url", query.callback_url)] {
         if let Some(text) = text {
@@ -110,7 +110,10 @@ async fn receive_form(
 ) -> Result<Received, ApiError> {
     let mut mask = None;
     while let Some(field) = in_time(jobs, form.next_field()).await?.map_err(|e| broken_form(&e))? {
-        match field.name().map(str::to_owned).as_deref() {
+        // A file name beside the field's may hold any bytes.
+        let disposition =
+            field.headers().get(CONTENT_DISPOSITION).map(|value| String::from_utf8_lossy(value.as_bytes()));
+        match disposition.and_then(|text| parameter(&text, "name")).as_deref() {
             Some("mask") if mask.is_none() => {
                 let count = |chunk: &Result<Bytes, _>| {
                     understood.fetch_add(chunk.as_ref().map_or(0, |bytes| bytes.len() as u64), Ordering::Relaxed);
@@ -195,9 +198,9 @@ async fn in_time<T>(jobs: &Jobs, reading: impl Future<Output = T>) -> Result<T, 
 /// A body that a proxy or a client compressed on the way would have to be unpacked without a
 /// bound before anything is known of it.
 fn refuse_encoded(headers: &HeaderMap) -> Result<(), ApiError> {
-    match header(headers, CONTENT_ENCODING) {
-        None | Some("identity") => Ok(()),
-        Some(_) => Err(Problem::new(415, "content_encoding", "the body has a Content-Encoding")
+    match &list_header(headers, CONTENT_ENCODING) {
+        codings if codings.is_empty() || codings.eq_ignore_ascii_case("identity") => Ok(()),
+        _ => Err(Problem::new(415, "content_encoding", "the body has a Content-Encoding")
             .at("header Content-Encoding")
             .hint("send the .nii.gz itself as the body, without Content-Encoding")
             .into()),

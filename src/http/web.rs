@@ -20,7 +20,7 @@ use rust_embed::RustEmbed;
 use tokio::task::spawn_blocking;
 
 use super::error;
-use super::extract::{has_it, header, media_range};
+use super::extract::{has_it, list_header, media_range};
 use super::ops::INDEX;
 use crate::formats::hex;
 
@@ -190,9 +190,9 @@ fn takes_gzip(headers: &HeaderMap) -> bool {
 }
 
 /// Whether a header lists this, with a weight above 0.
-fn names(headers: &HeaderMap, list: HeaderName, wanted: &str) -> bool {
-    let mut listed = header(headers, list).unwrap_or_default().split(',').map(media_range);
-    listed.any(|(name, weight)| name.eq_ignore_ascii_case(wanted) && weight > 0.0)
+fn names(headers: &HeaderMap, name: HeaderName, wanted: &str) -> bool {
+    let listed = list_header(headers, name);
+    listed.split(',').map(media_range).any(|(name, weight)| name == wanted && weight > 0.0)
 }
 
 #[cfg(test)]

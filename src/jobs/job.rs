@@ -28,7 +28,8 @@ impl JobId {
     #[must_use]
     pub fn parse(text: &str) -> Option<Self> {
         let id = Self(Uuid::try_parse(text).ok()?);
-        (id.to_string() == text).then_some(id)
+        // As others print it too: in either case (RFC 9562, section 4), and in no other form.
+        id.to_string().eq_ignore_ascii_case(text).then_some(id)
     }
 }
 

@@ -63,6 +63,8 @@ async fn from_the_first_token_on_nobody_is_let_in_without() {
         answer.is_problem(401, "token_missing");
         assert_eq!(answer.header("www-authenticate"), "Bearer");
     }
+    let in_lower_case = good.replacen("Bearer", "bearer", 1);
+    assert_eq!(call(&server, &in_lower_case, Method::GET, "/v1/jobs").await.status, 200);
     for bad in ["Bearer", "Bearer x", "Basic dTpw", &good[..good.len() - 1], &format!("{}0", &good[..good.len() - 1])] {
         if bad != good {
             call(&server, bad, Method::GET, "/v1/jobs").await.is_problem(401, "token_invalid");

@@ -7,7 +7,7 @@ use std::time::Duration;
 use axum::http::Method;
 use medialrep::jobs::worker::Processor;
 
-use crate::help::support::{Server, mask, refuses, waits, writes};
+use crate::help::support::{Server, id_of, mask, refuses, waits, writes};
 
 #[tokio::test]
 async fn a_job_runs_to_its_results() {
@@ -167,8 +167,11 @@ async fn what_is_not_there_is_a_problem() {
     server.get("/nowhere").await.is_problem(404, "no_such_route");
     server.get("/v1/jobs/").await.is_problem(404, "no_such_route");
     server.get(&format!("{id}/results/model.glb")).await.is_problem(404, "no_such_result");
+    // Ids are taken as others print them too, in capitals, but in no other form.
     let upper = id.to_uppercase().replace("/V1/JOBS", "/v1/jobs");
-    for id in ["1", "%ff", "..%2f..%2fetc%2fpasswd", "00000000-0000-0000-0000-000000000000", &upper[9..]] {
+    assert_eq!(server.get(&upper).await.json()["id"], id_of(&id));
+    let (bare, braced) = (id_of(&id).replace('-', ""), format!("%7B{}%7D", id_of(&id)));
+    for id in ["1", "%ff", "..%2f..%2fetc%2fpasswd", "00000000-0000-0000-0000-000000000000", &bare, &braced] {
         for path in [format!("/v1/jobs/{id}"), format!("/v1/jobs/{id}/results/x")] {
             server.get(&path).await.is_problem(404, "no_such_job");
         }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use axum::body::{Body, Bytes};
-use axum::http::Request;
+use axum::http::{Method, Request};
 use futures_util::stream;
 use medialrep::jobs::place::Place;
 
@@ -22,6 +22,27 @@ fn form(parts: &[(&str, Option<&str>, &[u8])]) -> Request<Body> {
     }
     body.extend(b"--XX--\r\n");
     Request::post("/v1/jobs").header("content-type", "multipart/form-data; boundary=XX").body(body.into()).unwrap()
+}
+
+#[tokio::test]
+async fn words_of_headers_are_read_in_any_case_and_lists_on_several_lines() {
+    let server = Server::start(writes()).await;
+    let job = server.submit().await;
+    server.job_in(&job, "succeeded").await;
+    let mut request = form(&[("mask", Some("x; name=evil.nii"), &mask())]);
+    request.headers_mut().insert("content-type", "Multipart/Form-Data; boundary=XX".parse().unwrap());
+    request.headers_mut().append("cache-control", "no-store".parse().unwrap());
+    request.headers_mut().append("cache-control", "No-Cache".parse().unwrap());
+    request.headers_mut().insert("prefer", "Wait=9".parse().unwrap());
+    let answer = server.send(request).await;
+    assert_eq!((answer.status.as_u16(), answer.header("preference-applied")), (200, "wait=9"), "{}", answer.text());
+    assert_eq!(answer.json()["reused"], false);
+    let plain = server.with(Method::POST, "/v1/jobs", &[("content-encoding", "Identity")], mask()).await;
+    assert!(plain.status.is_success(), "{}", plain.text());
+    let range = format!("{job}/results/model.glb");
+    let beyond = server.with(Method::GET, &range, &[("range", "BYTES=99999999999999999999999-")], vec![]).await;
+    let length = server.get(&range).await.body.len();
+    assert_eq!((beyond.status.as_u16(), beyond.header("content-range")), (416, &*format!("bytes */{length}")));
 }
 
 #[tokio::test]
