@@ -99,15 +99,30 @@ impl Jobs {
 
     /// The bytes of the record, once they were found to be what was kept.
     async fn record_bytes(&self, job: &Job, token: &str, record: &ResultFile) -> Result<Vec<u8>, JobsError> {
-        match self.blobs().read_checked(job.id, token, record).await? {
-            Some(Content::Bytes(bytes)) => Ok(bytes.to_vec()),
-            Some(Content::Stored) => Ok(self.blobs().read_all(job.id, token, record).await?),
-            None => {
-                self.metrics().damaged();
-                tracing::error!(job = %job.id, "the record of a result is not what was kept");
-                Err(JobsError::ResultDamaged)
-            }
+        match self.content(job.id, token, record).await? {
+            Content::Bytes(bytes) => Ok(bytes.to_vec()),
+            Content::Stored => Ok(self.blobs().read_all(job.id, token, record).await?),
         }
+    }
+
+    /// A file of a job, once it was found to be what was kept.
+    ///
+    /// # Errors
+    /// [`JobsError::ResultDamaged`] when it is not, or is gone though the job should have it.
+    pub async fn content(&self, id: JobId, token: &str, file: &ResultFile) -> Result<Content, JobsError> {
+        match self.blobs().read_checked(id, token, file).await {
+            Ok(Some(content)) => return Ok(content),
+            Ok(None) => {}
+            Err(error) if error.kind() == io::ErrorKind::NotFound => match self.store().get(id).await? {
+                None => return Err(JobsError::NotFound),
+                Some(job) if !job.are_results_kept => return Err(JobsError::ResultsErased),
+                Some(_) => {}
+            },
+            Err(error) => return Err(error.into()),
+        }
+        self.metrics().damaged();
+        tracing::error!(job = %id, name = file.name, "a result is not what was published");
+        Err(JobsError::ResultDamaged)
     }
 }
 

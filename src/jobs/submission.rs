@@ -168,6 +168,14 @@ impl Jobs {
         let Some(Job { id: from, results, warnings, results_token: Some(from_token), .. }) = equal else {
             return Ok(None);
         };
+        for file in &results {
+            match self.content(from, &from_token, file).await {
+                Ok(_) => {}
+                // Damaged, or deleted in this moment: then it is computed again.
+                Err(JobsError::ResultDamaged | JobsError::NotFound | JobsError::ResultsErased) => return Ok(None),
+                Err(error) => return Err(error),
+            }
+        }
         let token = new_token();
         match self.blobs().copy_results((from, &from_token), (id, &token), &results).await {
             Ok(()) => Ok(Some(Reused { token, results, warnings, program: PROGRAM.to_owned() })),

@@ -220,6 +220,31 @@ async fn a_damaged_result_is_never_served() {
 }
 
 #[tokio::test]
+async fn a_damaged_or_lost_result_is_not_used_again_and_is_told() {
+    let server = Server::start(writes()).await;
+    let job = server.submit().await;
+    server.job_in(&job, "succeeded").await;
+    let results = server.dir.path().join("results").join(id_of(&job));
+    let attempt = results.read_dir().unwrap().next().unwrap().unwrap().path();
+    std::fs::remove_file(attempt.join("model.glb")).unwrap();
+    server.get(&format!("{job}/results/model.glb")).await.is_problem(500, "result_damaged");
+    let again = server.post("/v1/jobs", mask()).await.json();
+    assert_eq!(again["reused"], false, "one of its files is lost");
+    let again = again["links"]["self"].as_str().unwrap().to_owned();
+    server.job_in(&again, "succeeded").await;
+    assert_eq!(server.get(&format!("{again}/results/model.glb")).await.body, content("model.glb"));
+    assert_eq!(server.call(Method::DELETE, &job).await.status, 204);
+    let attempt = server.dir.path().join("results").join(id_of(&again)).read_dir().unwrap().next().unwrap().unwrap();
+    let file = attempt.path().join("thickness.json");
+    let mut bytes = std::fs::read(&file).unwrap();
+    bytes[3] ^= 1;
+    std::fs::remove_file(&file).unwrap();
+    std::fs::write(&file, bytes).unwrap();
+    let third = server.post("/v1/jobs", mask()).await.json();
+    assert_eq!(third["reused"], false, "a bit of one of its files is flipped");
+}
+
+#[tokio::test]
 async fn a_damaged_mask_is_never_worked_on() {
     let mut server = Server::without_workers().await;
     let job = server.submit().await;
