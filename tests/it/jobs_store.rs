@@ -196,6 +196,58 @@ async fn a_job_that_takes_its_server_down_is_given_up() {
 }
 
 #[tokio::test]
+async fn suspects_of_a_crash_run_alone_and_only_the_one_that_crashes_is_given_up() {
+    let (_dir, store) = store().await;
+    let (poison, innocent) = (insert(&*store).await, insert(&*store).await);
+    let later = insert(&*store).await;
+    for _ in [poison, innocent] {
+        store.claim("crashing", Timestamp::now(), Timestamp::now() + LEASE).await.unwrap().unwrap();
+    }
+    store.reclaim(Reclaim::Instance("crashing"), Timestamp::now()).await.unwrap();
+    for id in [poison, innocent] {
+        let job = get(&*store, id).await;
+        assert_eq!((job.state, job.attempt), (JobState::Queued, 0), "nobody knows which it was");
+    }
+    // Each is alone now, so they cannot crash together again but in two processes.
+    let alone = claim(&*store).await.unwrap();
+    assert_eq!(alone.id, poison);
+    assert!(claim(&*store).await.is_none(), "nothing runs beside it");
+    let elsewhere = store.claim("there", Timestamp::now(), Timestamp::now() + LEASE).await.unwrap().unwrap();
+    assert_eq!(elsewhere.lease.id, innocent);
+    assert!(store.claim("there", Timestamp::now(), Timestamp::now() + LEASE).await.unwrap().is_none());
+    for lease in [&alone, &elsewhere.lease] {
+        store.release(lease, Timestamp::now()).await.unwrap();
+    }
+    for attempt in 1..=MAX_ATTEMPTS {
+        let lease = claim(&*store).await.unwrap();
+        assert_eq!((lease.id, get(&*store, poison).await.attempt), (poison, attempt));
+        store.reclaim(Reclaim::Instance("here"), Timestamp::now()).await.unwrap();
+    }
+    assert_eq!(state(&*store, poison).await, JobState::Failed);
+    for id in [innocent, later] {
+        let lease = claim(&*store).await.unwrap();
+        assert_eq!((lease.id, get(&*store, id).await.attempt), (id, 1));
+        store.finish(&lease, &succeeded(), Timestamp::now()).await.unwrap();
+    }
+}
+
+#[tokio::test]
+async fn a_suspect_waits_for_what_runs_already() {
+    let (_dir, store) = store().await;
+    let first = insert(&*store).await;
+    let running = claim(&*store).await.unwrap();
+    assert_eq!(running.id, first);
+    let (one, _two) = (insert(&*store).await, insert(&*store).await);
+    for _ in 0..2 {
+        store.claim("crashing", Timestamp::now(), Timestamp::now() + LEASE).await.unwrap().unwrap();
+    }
+    store.reclaim(Reclaim::Instance("crashing"), Timestamp::now()).await.unwrap();
+    assert!(claim(&*store).await.is_none(), "it is not alone yet");
+    store.finish(&running, &succeeded(), Timestamp::now()).await.unwrap();
+    assert_eq!(claim(&*store).await.unwrap().id, one);
+}
+
+#[tokio::test]
 async fn a_released_job_keeps_its_attempts() {
     let (_dir, store) = store().await;
     let id = insert(&*store).await;

@@ -422,7 +422,8 @@ pub trait QueueStore: Send + Sync {
     async fn release(&self, lease: &Lease, now: Timestamp) -> Result<(), StoreError>;
 
     /// Takes running jobs from workers that are gone: back to queued, failed after
-    /// [`MAX_ATTEMPTS`], canceled where that was asked for. Says which, and their states.
+    /// [`MAX_ATTEMPTS`], canceled where that was asked for. Says which, and their states. Several that ran in one process that is
+    /// gone are suspects: none is charged with an attempt, and each runs alone in its process from then on.
     async fn reclaim(&self, which: Reclaim<'_>, now: Timestamp) -> Result<Vec<(JobId, JobState)>, StoreError>;
 }
 

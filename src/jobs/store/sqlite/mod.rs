@@ -31,7 +31,7 @@ use sqlx::sqlite::{
     SqliteArguments, SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteRow,
     SqliteSynchronous,
 };
-use sqlx::{Row, SqlSafeStr, Sqlite, Transaction};
+use sqlx::{Connection, Row, SqlSafeStr, Sqlite, Transaction};
 
 use super::{Store, StoreError};
 
@@ -59,7 +59,13 @@ impl SqliteStore {
             .synchronous(SqliteSynchronous::Full)
             // What is deleted is patient data: its bytes are overwritten.
             .pragma("secure_delete", "on");
-        let writer = SqlitePoolOptions::new().max_connections(1).connect_with(options.clone()).await?;
+        let writer = SqlitePoolOptions::new()
+            .max_connections(1)
+            // On a full disk SQLite takes back a transaction by itself; the connection goes on to think that it is in
+            // one, and could begin none any more.
+            .before_acquire(|connection, _| Box::pin(async move { Ok(!connection.is_in_transaction()) }))
+            .connect_with(options.clone())
+            .await?;
         let (steps, known) = (migrator(), last_step());
         steps.run(&writer).await.map_err(|error| error::of_migration(error, known))?;
         let reader = SqlitePoolOptions::new().max_connections(READ_CONNECTIONS).connect_with(options).await?;
@@ -114,6 +120,7 @@ fn migrator() -> Migrator {
         migration(1, "jobs", include_str!("../../../../migrations/sqlite/0001_jobs.sql")),
         migration(2, "turns", include_str!("../../../../migrations/sqlite/0002_turns.sql")),
         migration(3, "service", include_str!("../../../../migrations/sqlite/0003_service.sql")),
+        migration(4, "suspects", include_str!("../../../../migrations/sqlite/0004_suspects.sql")),
     ])
 }
 

@@ -47,6 +47,9 @@ impl QueueStore for SqliteStore {
                     ON busy.owner = waiting.owner
                  WHERE waiting.{from}
                  ORDER BY coalesce(busy.jobs, 0), waiting.turn_ms, waiting.id LIMIT 1)
+             AND NOT EXISTS
+                (SELECT 1 FROM jobs AS beside
+                 WHERE beside.instance = $4 AND beside.state = 'running' AND (beside.suspect = 1 OR jobs.suspect = 1))
              RETURNING *"
         )))
         .bind(now.as_millisecond())
@@ -122,11 +125,17 @@ impl QueueStore for SqliteStore {
             Reclaim::Instance(instance) => (Some(instance), None),
             Reclaim::LeaseBefore(time) => (None, Some(time.as_millisecond())),
         };
+        // Nobody begins a run in a process that is gone: what is counted stays so.
+        let ran = sqlx::query("SELECT count(*) FROM jobs WHERE instance = $1 AND state = 'running'").bind(instance);
+        let are_suspects = rows::count(&ran.fetch_one(&self.reader).await?, 0)? > 1;
+        // Of several, nobody knows which took the process down: none is charged, and each runs alone next.
+        let (max_attempts, uncharged) = if are_suspects { (u32::MAX, 1) } else { (MAX_ATTEMPTS, 0) };
         // One statement: a job is either ended or queued again, whatever happens to this process.
-        let MoveSql { set, from } = sql::loss(MAX_ATTEMPTS);
+        let MoveSql { set, from } = sql::loss(max_attempts);
         let rows = sqlx::query(AssertSqlSafe(format!(
             "UPDATE jobs SET {set}, {WITHOUT_LEASE},
-                error = CASE WHEN cancel_requested = 0 AND attempt >= {MAX_ATTEMPTS} THEN $2 END
+                error = CASE WHEN cancel_requested = 0 AND attempt >= {max_attempts} THEN $2 END,
+                attempt = attempt - {uncharged}, suspect = CASE WHEN {uncharged} = 1 THEN 1 ELSE suspect END
              WHERE {from} AND (instance = $3 OR lease_until_ms < $4) RETURNING id, state"
         )))
         .bind(now.as_millisecond())
