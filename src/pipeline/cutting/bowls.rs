@@ -5,20 +5,16 @@
 use std::ops::RangeInclusive;
 
 use super::Cutter;
-use super::part::{Faults, Measure, Part};
+use super::meshed::MeshPlane;
+use super::part::Part;
 use crate::cancel::{Cancel, Cancelled};
-use crate::pipeline::kind::{Kind, kind};
-use crate::pipeline::plane::embedding::{Embedded, Flat, MAX_TURNED_OVER};
-use crate::pipeline::plane::injective::{Unrolled, unrolled};
-use crate::pipeline::plane::region::Region;
+use crate::pipeline::kind::Kind;
+use crate::pipeline::plane::embedding::{Flat, MAX_TURNED_OVER};
+use crate::pipeline::plane::injective::unrolled;
 use crate::pipeline::plane::strip::unfolded;
 use crate::pipeline::sides::{SheetSides, agreeing_normals};
 use crate::pipeline::surface::Surface;
 
-/// Share of a part's points that must lie on its mesh. Bowls and kidneys have 0.998 and more. Where it is less, ISOMAP
-/// fails for strings and clumps of points, of which there is no mesh, and not for a bend: a part of a liver has 0.95, of
-/// vertebrae 0.93, a bladder 0.55.
-const LEAST_ON_MESH: f64 = 0.98;
 /// Energies of the maps of bowls, 1 where all lengths are kept. Below, a sheet is not bent in both directions, and ISOMAP
 /// fails for other reasons, for strings, notches and noise: parts of a liver, of muscles and vertebrae have up to 1.012, a bowl
 /// of 78°, from where ISOMAP does not keep distances, about 1.018. From 1 on, vertebrae lose 0.01 to 0.04 of their overlap to
@@ -37,7 +33,8 @@ impl Cutter<'_> {
         if !BOWL_ENERGY.contains(&found.stretch.energy) {
             return Ok(part);
         }
-        let bowl = self.bowl(&part, found)?;
+        let plane = MeshPlane { places: found.places, stretch: found.stretch, period: None };
+        let bowl = self.laid_by_mesh(&part, plane)?;
         Ok(bowl.filter(|bowl| bowl.kind == Kind::Sheet && bowl.faults.worse() <= 1.0).unwrap_or(part))
     }
 
@@ -56,36 +53,6 @@ impl Cutter<'_> {
         let sheet = SheetSides { medial: part.surface.clone(), normals, ..SheetSides::default() };
         let points = unfolded(&sheet, &flat.points, self.context)?;
         is_turned_over(&Flat { points, ..Flat::default() }, &part.surface, self.context)
-    }
-
-    /// A part without the points that lie off its mesh, in the plane of that; `None` where there are many.
-    fn bowl(&self, part: &Part, found: Unrolled) -> Result<Option<Part>, Cancelled> {
-        let mut on_mesh = Vec::new();
-        for (p, place) in part.members.iter().zip(&found.places) {
-            if place.is_some() {
-                on_mesh.push(*p);
-            }
-        }
-        let members = self.largest_piece(&on_mesh)?;
-        if (members.len() as f64) < LEAST_ON_MESH * part.members.len() as f64 {
-            return Ok(None);
-        }
-        let mut points = Vec::with_capacity(members.len());
-        for (p, place) in part.members.iter().zip(found.places) {
-            if members.binary_search(p).is_ok() {
-                points.extend(place);
-            }
-        }
-        let embedded = part.flat.as_ref().and_then(|flat| flat.embedded);
-        let embedded = embedded.map(|isomap| Embedded { unrolled: Some(found.stretch), ..isomap });
-        let flat = Flat { points, embedded, period: None };
-        let surface = self.surface.part(&members, self.context)?;
-        let region = Region::of(&flat.points, self.context)?;
-        let measured = (Measure::TurnedOver, self.has_tunnels);
-        let faults = Faults::of(measured, (&flat, &region), &surface, self.context)?;
-        let kind = kind(&region, self.largest_radius(&members));
-        let is_bare = part.is_bare || members.len() < part.members.len();
-        Ok(Some(Part { members, surface, flat: Some(flat), kind, faults, is_bare }))
     }
 }
 

@@ -26,6 +26,8 @@ mod arms;
 
 mod bowls;
 
+mod meshed;
+
 mod rings;
 
 mod part;
