@@ -121,6 +121,20 @@ impl CheckedParams {
         self.correspondence == Correspondence::Paper || self.lattice == LatticeKind::Regular
     }
 
+    /// The same with the lattice that follows the shape, on which figures are chosen, where another one is asked for;
+    /// `None` where it is the same one, or the paper's.
+    #[must_use]
+    pub fn following_shape(&self) -> Option<Self> {
+        let defaults = Params::default();
+        let chosen = Self(Params {
+            grid: defaults.grid,
+            spacing_mm: defaults.spacing_mm,
+            margin: Some(self.lattice.margin()),
+            ..self.0.clone()
+        });
+        (chosen != *self && !self.are_of_paper()).then_some(chosen)
+    }
+
     /// Share of the intrinsic extent left free at each edge.
     #[must_use]
     pub fn margin(&self) -> f64 {

@@ -109,6 +109,19 @@ impl<'a> Context<'a> {
         Context { before: self.before, ..self.of_part(self.part) }
     }
 
+    /// The parameters to choose figures by, where those of the lattice are not: in a repeat its size is given.
+    pub(super) fn params_of_shape(&self) -> Option<CheckedParams> {
+        if self.repeat.is_some() { None } else { self.params.following_shape() }
+    }
+
+    /// The context of an attempt with other parameters.
+    pub(super) fn with_params<'b>(&self, params: &'b CheckedParams) -> Context<'b>
+    where
+        'a: 'b,
+    {
+        Context { params, ..self.apart() }
+    }
+
     /// The context of an attempt at what repeats have in common.
     pub(super) fn unperturbed(&self) -> Context<'a> {
         Context { repeat: None, ..self.apart() }

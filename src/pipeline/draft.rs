@@ -111,4 +111,16 @@ pub struct Draft {
     pub choices: Automatic,
     /// What was repaired.
     pub repair: Repair,
+    /// The same on the lattice that is asked for, where this one is only there to choose by.
+    pub asked: Option<Box<Self>>,
+}
+
+impl Draft {
+    /// The sheet on the lattice that is asked for.
+    #[must_use]
+    pub fn into_asked(mut self) -> Self {
+        let Some(asked) = self.asked.take() else { return self };
+        let choices = Automatic { kind: self.choices.kind, ..asked.choices };
+        Self { choices, ..*asked }
+    }
 }

@@ -36,7 +36,7 @@ use super::solid::cut_out::{Label, refuse_background};
 use super::solid::depth::{Depth, SkinPoint, depth};
 use super::solid::parts::{Sent, SentPart};
 use super::solid::{Masked, Solid, masked};
-use super::tubes::Tubes;
+use super::tubes::{TubeDraft, Tubes};
 use super::vectors::rim::shares::{Share, Shares};
 use super::vectors::vectors;
 use super::{PipelineError, plane::Flat};
@@ -84,6 +84,19 @@ impl Figures {
                 Self::Sheets { sheets: sheets.clone(), sides: sides.clone(), drafts: kept }
             }
             Self::Tubes(tubes) => Self::Tubes(tubes.only(is_kept)),
+        }
+    }
+
+    /// The same on the lattices that are asked for.
+    pub fn into_asked(self) -> Self {
+        match self {
+            Self::Sheets { sheets, sides, drafts } => {
+                let drafts = drafts.into_iter().map(|draft| draft.map(Draft::into_asked)).collect();
+                Self::Sheets { sheets, sides, drafts }
+            }
+            Self::Tubes(Tubes { drafts, forks }) => {
+                Self::Tubes(Tubes { drafts: drafts.into_iter().map(TubeDraft::into_asked).collect(), forks })
+            }
         }
     }
 
@@ -258,7 +271,8 @@ fn drafts(
     Ok(drafts)
 }
 
-/// The stages of one sheet.
+/// The stages of one sheet. Where its lattice is asked for, it comes with another one that follows its shape, which is the one to
+/// choose by: else what figures a solid has would change with the lattice.
 fn draft(
     solid: &Solid,
     depth: &Depth,
@@ -267,12 +281,29 @@ fn draft(
     context: &Context<'_>,
 ) -> Result<Draft, PipelineError> {
     let framed = context.part_of_stage(Stage::Isomap, part, || framed(solid, sheet, flat, part.number, context))?;
-    let laid =
-        context.part_of_stage(Stage::Lattice, part, || lattices(solid, depth, sheet, &framed, part.number, context))?;
-    let (choices, laid) = laid;
     let own = (sheet, Share { shares, number: part.number });
+    let Some(params) = context.params_of_shape() else { return laid(solid, depth, own, framed, part, context) };
+    let by_shape = context.with_params(&params);
+    let chosen = laid(solid, depth, own, framed.clone(), part, &by_shape);
+    context.take_in(by_shape.into_notes().without_warnings(), None);
+    let asked = laid(solid, depth, own, framed, part, context)?;
+    Ok(Draft { asked: Some(Box::new(asked)), ..chosen? })
+}
+
+/// A sheet on the lattice that the parameters say.
+fn laid(
+    solid: &Solid,
+    depth: &Depth,
+    own: (&SheetSides, Share<'_>),
+    framed: Framed,
+    part: Part,
+    context: &Context<'_>,
+) -> Result<Draft, PipelineError> {
+    let laid =
+        context.part_of_stage(Stage::Lattice, part, || lattices(solid, depth, own.0, &framed, part.number, context))?;
+    let (choices, laid) = laid;
     let (nodes, repair) =
         context.part_of_stage(Stage::Spokes, part, || vectors(solid, depth, own, &framed.flat, laid, context))?;
     let Framed { flat, distortion, frame } = framed;
-    Ok(Draft { nodes, flat, distortion, frame, choices, repair })
+    Ok(Draft { nodes, flat, distortion, frame, choices, repair, asked: None })
 }

@@ -70,3 +70,32 @@ fn a_strap_is_a_sheet() {
     let axes = [45.0, 20.0, 6.0];
     assert_eq!(kinds(axes, ellipsoid(axes)), ["s"; 4]);
 }
+
+#[test]
+fn what_is_asked_of_the_lattice_does_not_change_what_the_figures_are() {
+    let lattices = [
+        "{}",
+        r#"{"grid":{"rows":3,"cols":4}}"#,
+        r#"{"grid":{"rows":12,"cols":20},"margin":0.02}"#,
+        r#"{"grid":{"rows":40,"cols":30}}"#,
+        r#"{"spacing_mm":6.0}"#,
+        r#"{"margin":0.2}"#,
+    ];
+    // A sheet, a tube, what may be either, and a bent strap with a tail.
+    let strap = |p: Point3<f64>| {
+        let bent = p.z - 0.02 * p.x * p.x + 8.0;
+        let half = if p.x > 12.0 { 3.0 } else { 11.0 };
+        p.x.abs() <= 30.0 && p.y.hypot(1.5 * bent) <= half && bent.abs() <= 3.0
+    };
+    let solids: [(&str, [f64; 3], Box<dyn Fn(Point3<f64>) -> bool>); 4] = [
+        ("strap", [45.0, 20.0, 6.0], Box::new(ellipsoid([45.0, 20.0, 6.0]))),
+        ("bladder", [17.0, 13.0, 11.0], Box::new(ellipsoid([17.0, 13.0, 11.0]))),
+        ("thalamus", [26.0, 16.0, 10.0], Box::new(ellipsoid([26.0, 16.0, 10.0]))),
+        ("tailed", [31.0, 12.0, 14.0], Box::new(strap)),
+    ];
+    for (name, reach, inside) in solids {
+        let volume = drawn(Vector3::from(reach), Rotation3::from_euler_angles(0.4, 0.3, 0.6), 1.0, &inside);
+        let found = lattices.map(|lattice| letters(&run_with(&volume, lattice).expect("answered")));
+        assert!(found.iter().all(|letters| *letters == found[0]), "{name}: {found:?}");
+    }
+}

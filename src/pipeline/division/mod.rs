@@ -88,7 +88,10 @@ pub(super) fn divided(
     let least = (share * voxels).max(LEAST_VOLUME * solid.voxels_per_grain.powi(3));
     let most_levels = if params.are_of_paper() || solid.tunnels > MOST_TUNNELS { 0 } else { MOST_LEVELS };
     let divider = Divider { context, least, most_levels, portions: Cell::new(MOST_PORTIONS) };
-    let groups = divider.ways(solid, (depth, surface), Place { level: 0, before: 0 })?.groups;
+    let mut groups = Vec::new();
+    for group in divider.ways(solid, (depth, surface), Place { level: 0, before: 0 })?.groups {
+        groups.push(Group { figures: group.figures.into_asked(), ..group });
+    }
     let joints = joints(solid, &groups, context)?;
     divider.tell(&groups);
     Ok(Division { groups, joints })

@@ -37,6 +37,18 @@ pub struct TubeDraft {
     pub choices: Automatic,
     /// The number of the tube that it leaves.
     pub parent: Option<usize>,
+    /// The same with the nodes that are asked for, where these are only there to choose by.
+    pub asked: Option<Box<Self>>,
+}
+
+impl TubeDraft {
+    /// The tube with the nodes that are asked for.
+    #[must_use]
+    pub fn into_asked(mut self) -> Self {
+        let Some(asked) = self.asked.take() else { return self };
+        let choices = Automatic { kind: self.choices.kind, ..asked.choices };
+        Self { choices, parent: self.parent, ..*asked }
+    }
 }
 
 impl<'a> From<&'a TubeNodes> for TubeShell<'a> {
@@ -51,11 +63,26 @@ impl<'a> From<&'a TubeDraft> for TubeShell<'a> {
     }
 }
 
-/// The tube that is laid so, and how many of its sections have several curves; `None` without a wall.
+/// The tube that is laid so, and how many of its sections have several curves; `None` without a wall. Where the number of its nodes
+/// is asked for, it comes with another one that follows its shape, which is the one to choose by.
 ///
 /// # Errors
 /// When it is cancelled.
 pub(super) fn draft(
+    laying: &Laying<'_>,
+    which: (usize, bool),
+    context: &Context<'_>,
+) -> Result<Option<(TubeDraft, usize)>, Cancelled> {
+    let Some(params) = context.params_of_shape() else { return draft_of_size(laying, which, context) };
+    let by_shape = context.with_params(&params);
+    let Some((mut tube, several)) = draft_of_size(laying, which, &by_shape)? else { return Ok(None) };
+    let Some((asked, _)) = draft_of_size(laying, which, context)? else { return Ok(None) };
+    tube.asked = Some(Box::new(asked));
+    Ok(Some((tube, several)))
+}
+
+/// A tube whose size the parameters say.
+fn draft_of_size(
     laying: &Laying<'_>,
     (number, is_round): (usize, bool),
     context: &Context<'_>,
@@ -98,6 +125,7 @@ pub(super) fn draft(
         choices,
         nodes,
         parent: None,
+        asked: None,
     };
     Ok(Some((draft, several)))
 }

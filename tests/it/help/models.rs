@@ -173,5 +173,6 @@ pub fn drafted(nodes: Nodes) -> Draft {
         frame: FrameFacts::default(),
         choices: Automatic::default(),
         repair: Repair::default(),
+        asked: None,
     }
 }
