@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::thread::available_parallelism;
 use std::time::Duration;
 
+use crate::isolation::IsolationLimits;
 use crate::jobs::limits::{JobLimits, Retention};
 use crate::jobs::process::InputLimits;
 use crate::jobs::store::QueueLimits;
@@ -24,6 +25,8 @@ pub struct ServeConfig {
     pub drain: Duration,
     /// What bounds the jobs.
     pub jobs: JobLimits,
+    /// What the processes in which jobs run may take.
+    pub isolation: IsolationLimits,
     /// What bounds the connections.
     pub connections: ConnectionLimits,
     /// Origins whose pages may use the service.
@@ -53,6 +56,7 @@ impl Default for ServeConfig {
                 input: InputLimits::default(),
                 keep: Retention { jobs: days(30), masks: days(1), results: days(7) },
             },
+            isolation: IsolationLimits::default(),
             connections: ConnectionLimits::default(),
             cors_origins: Vec::new(),
             webhooks: None,

@@ -122,6 +122,9 @@ pub mod metrics;
 pub mod jobs;
 
 #[cfg(feature = "service")]
+pub mod isolation;
+
+#[cfg(feature = "service")]
 pub mod http;
 
 #[cfg(feature = "service")]

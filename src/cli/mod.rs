@@ -23,6 +23,8 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
+use crate::isolation;
+
 /// Exit codes, as the contract has them. 0 is done.
 pub mod exit {
     /// Our fault.
@@ -62,6 +64,13 @@ enum Command {
     /// Ask a running service whether it is ready
     #[command(hide = true)]
     Probe(probe::ProbeArgs),
+    /// Run masks for the process that started this one
+    #[command(hide = true, name = isolation::ARGUMENT)]
+    Isolated {
+        /// Threads to work with
+        #[arg(long)]
+        threads: Option<u16>,
+    },
     /// Write the description of the service's routes
     #[command(hide = true)]
     Openapi,
@@ -113,6 +122,7 @@ fn obey(arguments: Arguments) -> ExitCode {
         Command::Check(arguments) => check::check(&arguments),
         Command::Backup(arguments) => backup::backup(&arguments),
         Command::Probe(arguments) => Ok(probe::probe(&arguments)),
+        Command::Isolated { threads } => isolation::child::main(threads),
         Command::Openapi => Ok(openapi()),
     };
     outcome.unwrap_or_else(|error| {

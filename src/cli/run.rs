@@ -2,7 +2,6 @@
 
 use std::fs::File;
 use std::io::{self, ErrorKind, IsTerminal, Write};
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -13,7 +12,8 @@ use super::bar::Bar;
 use super::table::{WIDTH, json_lines, table};
 use super::{cause, complain, exit};
 use crate::formats::params_json;
-use crate::jobs::process::{self, InputLimits, Kept, ProcessError};
+use crate::isolation::{Isolation, IsolationLimits};
+use crate::jobs::process::{InputLimits, Kept, ProcessError};
 use crate::jobs::processed::StructureSummary;
 use crate::model::SHAPE_CODES;
 use crate::params::CheckedParams;
@@ -33,6 +33,9 @@ pub struct RunArgs {
     /// Threads to work with [default: the cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
+    /// Memory to work with, MiB [default: 70 % of the machine's]
+    #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u64).range(64..=16_777_216))]
+    memory: Option<u64>,
     /// Print what became of each structure as JSON lines, and errors as a problem object (RFC 9457)
     #[arg(long)]
     json: bool,
@@ -65,28 +68,18 @@ fn try_run(arguments: &RunArgs) -> Result<Vec<StructureSummary>, Box<Problem>> {
     let params = read_params(&arguments.params)?;
     check_mask(&arguments.mask)?;
     check_folder(&arguments.out)?;
-    if let Some(threads) = arguments.threads {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global();
-        pool.map_err(|error| {
-            usage(
-                "cannot_start_threads",
-                format!("cannot start {threads} threads: {error}"),
-                "--threads",
-                "ask for fewer",
-            )
-        })?;
-    }
     let bar = if arguments.quiet || !io::stderr().is_terminal() { Bar::hidden() } else { Bar::on_stderr() };
     let out = (arguments.out.as_path(), Kept::Artifacts);
-    let work = || process::process(&arguments.mask, &params, InputLimits::default(), out, &bar);
-    let outcome = catch_unwind(AssertUnwindSafe(work));
+    let defaults = IsolationLimits::default();
+    let isolation = Isolation::new(IsolationLimits {
+        memory_bytes: arguments.memory.map_or(defaults.memory_bytes, |mib| mib << 20),
+        threads: arguments.threads,
+    });
+    let outcome = isolation.process(&arguments.mask, &params, InputLimits::default(), out, &bar);
     bar.clear();
     match outcome {
-        Ok(Ok(processed)) => Ok(processed.structures),
-        Ok(Err(error)) => Err(failed(error, &arguments.out)),
-        Err(_) => {
-            Err(Box::new(Problem::new(500, "internal", "the program failed; please report it with the line above")))
-        }
+        Ok(processed) => Ok(processed.structures),
+        Err(error) => Err(failed(error, &arguments.out)),
     }
 }
 
@@ -148,6 +141,9 @@ fn usage(code: &str, detail: String, argument: &str, hint: &str) -> Box<Problem>
 fn failed(error: ProcessError, out: &Path) -> Box<Problem> {
     match error {
         ProcessError::Problem(problem) => problem,
+        ProcessError::Crashed { how } => {
+            Box::new(Problem::new(500, "run_crashed", format!("the run crashed; please report it: {how}")))
+        }
         ProcessError::Cancelled => Box::new(Problem::new(500, "cancelled", "the run was stopped")),
         ProcessError::Io { doing, error } => {
             let problem = Problem::of_storage(&error);

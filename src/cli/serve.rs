@@ -18,8 +18,9 @@ use tracing_subscriber::EnvFilter;
 use super::exit;
 use crate::config::{ConnectionLimits, ServeConfig, default_workers};
 use crate::http::server;
+use crate::isolation::{Isolation, IsolationLimits};
 use crate::jobs::limits::{JobLimits, Retention};
-use crate::jobs::process::{InputLimits, Kept, process};
+use crate::jobs::process::{InputLimits, Kept};
 use crate::jobs::store::QueueLimits;
 use crate::jobs::upload::UploadLimits;
 use crate::jobs::worker::Processor;
@@ -117,6 +118,11 @@ struct LimitArgs {
     /// Largest volume, voxels.
     #[arg(long, env = "MEDIALREP_MAX_VOXELS", default_value_t = InputLimits::default().max_voxels, value_name = "COUNT")]
     max_voxels: u64,
+
+    /// Memory for all runs together, MiB. A run waits for its share; one that needs more than all is refused [default: 70 % of the
+    /// machine's, or of the container's]
+    #[arg(long, env = "MEDIALREP_MEMORY_MIB", value_name = "MIB", value_parser = clap::value_parser!(u64).range(64..=16_777_216))]
+    memory: Option<u64>,
 
     /// Longest run of a job; then it fails.
     #[arg(long, env = "MEDIALREP_MAX_RUN_SECONDS", default_value_t = 1800, value_name = "SECONDS")]
@@ -231,6 +237,10 @@ impl ServeArgs {
                 input: InputLimits { max_voxels: limits.max_voxels, ..defaults.jobs.input },
                 keep: Retention { jobs: keep.keep_jobs.0, masks: keep.keep_masks.0, results: keep.keep_results.0 },
             },
+            isolation: IsolationLimits {
+                memory_bytes: limits.memory.map_or(defaults.isolation.memory_bytes, mib),
+                ..defaults.isolation
+            },
             connections: ConnectionLimits {
                 max_connections: limits.max_connections,
                 header_read: Duration::from_secs(limits.header_seconds),
@@ -306,8 +316,10 @@ async fn listen(config: &ServeConfig) -> anyhow::Result<()> {
         TcpListener::bind(config.listen).await.with_context(|| format!("cannot listen on {}", config.listen))?;
     let address = listener.local_addr()?;
     tracing::info!(%address, workers = config.workers, "listening");
-    let processor: Processor =
-        Arc::new(|mask, params, limits, out, observer| process(mask, params, limits, (out, Kept::Record), observer));
+    let isolation = Isolation::new(config.isolation);
+    let processor: Processor = Arc::new(move |mask, params, limits, out, observer| {
+        isolation.process(mask, params, limits, (out, Kept::Record), observer)
+    });
     server::run(listener, config, &processor, stop)
         .await
         .with_context(|| format!("data directory {}", config.data_dir.display()))

@@ -85,7 +85,7 @@ fn partial(folder: &Path, name: &str) -> PathBuf {
 }
 
 /// Removes every artifact and record from a folder. What cannot be removed is not there.
-pub(super) fn remove_files(folder: &Path) {
+pub fn remove_files(folder: &Path) {
     for name in ARTIFACTS.iter().map(|artifact| artifact.name).chain([RECORD.0]) {
         let _ = std::fs::remove_file(partial(folder, name));
         let _ = std::fs::remove_file(folder.join(name));

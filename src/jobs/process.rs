@@ -6,8 +6,10 @@ use std::path::Path;
 use std::time::Instant;
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
-use super::drafts::{Drafts, RECORD, WrittenFile, remove_files};
+pub use super::drafts::remove_files;
+use super::drafts::{Drafts, RECORD, WrittenFile};
 use super::processed::{Processed, StructureSummary};
 use crate::cancel::{Cancel, Cancelled};
 use crate::formats::artifacts::{ARTIFACTS, Artifact};
@@ -22,6 +24,11 @@ use crate::problem::Problem;
 
 pub use crate::formats::InputLimits;
 
+/// What fails when a mask cannot be read.
+pub const READING: &str = "reading the mask";
+/// What fails when results cannot be written.
+pub const WRITING: &str = "writing the results";
+
 /// Why a mask was not processed.
 #[derive(Debug)]
 pub enum ProcessError {
@@ -35,6 +42,11 @@ pub enum ProcessError {
         doing: &'static str,
         /// Why.
         error: io::Error,
+    },
+    /// The run crashed: our fault.
+    Crashed {
+        /// What is known of it.
+        how: String,
     },
 }
 
@@ -54,7 +66,7 @@ impl From<ReadError> for ProcessError {
     fn from(error: ReadError) -> Self {
         match error {
             ReadError::Cancelled(_) => Self::Cancelled,
-            ReadError::Io(error) => Self::Io { doing: "reading the mask", error },
+            ReadError::Io(error) => Self::Io { doing: READING, error },
             error => Problem::from(&error).into(),
         }
     }
@@ -74,12 +86,12 @@ impl From<io::Error> for ProcessError {
         if error.get_ref().is_some_and(|inner| inner.is::<Cancelled>()) {
             return Self::Cancelled;
         }
-        Self::Io { doing: "writing the results", error }
+        Self::Io { doing: WRITING, error }
     }
 }
 
 /// What is kept of a result.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Kept {
     /// The artifacts that the parameters ask for.
     Artifacts,

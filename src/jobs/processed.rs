@@ -1,6 +1,8 @@
 //! What became of a mask, in a few words.
 
-pub use super::drafts::WrittenFile;
+pub use super::drafts::{RECORD, WrittenFile};
+use serde::{Deserialize, Serialize};
+
 use crate::model::{Reason, Refusal, Stage, Structure, Verdict, Warning};
 
 /// What became of a mask.
@@ -17,7 +19,7 @@ pub struct Processed {
 }
 
 /// What became of one structure, in a few words.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StructureSummary {
     /// Its value in the file.
     pub label: i64,
@@ -28,7 +30,7 @@ pub struct StructureSummary {
 }
 
 /// A structure's representation, in a few words.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
     /// Number of figures.
     pub figures: usize,

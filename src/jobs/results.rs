@@ -129,6 +129,7 @@ impl Jobs {
 fn into_io(error: ProcessError) -> io::Error {
     match error {
         ProcessError::Io { error, .. } => error,
+        ProcessError::Crashed { how } => io::Error::other(how.clone()),
         ProcessError::Cancelled => io::Error::other("cancelled"),
         ProcessError::Problem(problem) => io::Error::other(problem.detail.clone()),
     }

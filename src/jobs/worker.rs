@@ -281,6 +281,14 @@ impl Attempt {
                 tracing::error!(%error, "{doing} failed");
                 Outcome::Failed(Box::new(Problem::of_storage(&error)))
             }
+            Err(ProcessError::Crashed { how }) => {
+                tracing::error!(how, "the run crashed");
+                Outcome::Failed(Box::new(Problem::new(
+                    500,
+                    "run_crashed",
+                    "the run crashed; the server's log has the place",
+                )))
+            }
             Err(ProcessError::Problem(problem)) => {
                 if problem.is_our_fault() {
                     tracing::error!(code = problem.code, "the run failed through our fault");

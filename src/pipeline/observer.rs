@@ -3,8 +3,16 @@
 use crate::cancel::Cancel;
 use crate::model::Stage;
 
+/// Memory that a run may take when nothing is said.
+pub const MEMORY_BYTES: u64 = 3 << 30;
+
 /// Listens to a run, and may stop it ([`Cancel`]). Called from worker threads.
 pub trait Observer: Cancel {
+    /// Memory that the run may take. What would need more is refused before it begins.
+    fn memory_bytes(&self) -> u64 {
+        MEMORY_BYTES
+    }
+
     /// Structures of so many voxels will be worked on; said once, before all else.
     fn begun(&self, _voxels: &[u64]) {}
 
@@ -39,5 +47,9 @@ impl Cancel for Muted<'_> {
 }
 
 impl Observer for Muted<'_> {
+    fn memory_bytes(&self) -> u64 {
+        self.0.memory_bytes()
+    }
+
     fn progress(&self, _structure: usize, _structures: usize, _stage: Stage, _fraction: f64) {}
 }

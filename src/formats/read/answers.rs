@@ -1,10 +1,12 @@
 //! What a reader is asked and answers, whatever the format.
 
+use serde::{Deserialize, Serialize};
+
 use super::error::ReadError;
 use crate::space::LabelVolume;
 
 /// Bounds on what a file may ask of the machine.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct InputLimits {
     /// Voxels of the volume.
     pub max_voxels: u64,
