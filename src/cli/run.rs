@@ -74,6 +74,7 @@ fn try_run(arguments: &RunArgs) -> Result<Vec<StructureSummary>, Box<Problem>> {
     let isolation = Isolation::new(IsolationLimits {
         memory_bytes: arguments.memory.map_or(defaults.memory_bytes, |mib| mib << 20),
         threads: arguments.threads,
+        ..defaults
     });
     let outcome = isolation.process(&arguments.mask, &params, InputLimits::default(), out, &bar);
     bar.clear();
@@ -169,14 +170,13 @@ fn sentence(problem: &Problem) -> String {
 }
 
 fn exit_code(problem: &Problem) -> u8 {
-    const USAGE_CODES: [&str; 7] = [
+    const USAGE_CODES: [&str; 6] = [
         "malformed_params",
         "invalid_params",
         "cannot_open_mask",
         "cannot_make_folder",
         "cannot_write_folder",
         "cannot_open_params",
-        "cannot_start_threads",
     ];
     match problem.code.as_str() {
         _ if problem.status >= 500 => exit::INTERNAL,

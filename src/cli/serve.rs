@@ -121,7 +121,7 @@ struct LimitArgs {
 
     /// Memory for all runs together, MiB. A run waits for its share; one that needs more than all is refused [default: 70 % of the
     /// machine's, or of the container's]
-    #[arg(long, env = "MEDIALREP_MEMORY_MIB", value_name = "MIB", value_parser = clap::value_parser!(u64).range(64..=16_777_216))]
+    #[arg(long, env = "MEDIALREP_MEMORY", value_name = "MIB", value_parser = clap::value_parser!(u64).range(64..=16_777_216))]
     memory: Option<u64>,
 
     /// Longest run of a job; then it fails.

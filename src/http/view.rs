@@ -58,8 +58,8 @@ pub struct JobView {
     /// `trailing_data`, `decompressed_too_large`, `wrong_byte_order`, `not_a_label_map`, `too_many_labels`; of its labels
     /// `empty_mask`, `label_missing`, `label_is_background`, `intensity_image`; of the shapes, when none has a medial
     /// sheet, `too_thin`, `too_small`, `fragment`, `shape_is_a_ball`, `shape_is_a_tube`, `shape_is_no_tube`, `not_orientable`, `hollow_object`,
-    /// `sheet_has_holes`, `too_many_points`, `no_embedding`, `working_grid_too_large`; of the run `run_too_long`,
-    /// `too_many_attempts`, `storage_full`, `mask_damaged`, `internal`.
+    /// `sheet_has_holes`, `too_many_points`, `neighborhood_too_large`, `no_embedding`, `working_grid_too_large`; of the run
+    /// `run_too_long`, `needs_too_much_memory`, `needs_too_much_time`, `run_crashed`, `too_many_attempts`, `storage_full`, `mask_damaged`, `internal`.
     #[schema(required)]
     error: Option<Problem>,
     /// What a reader of the results should know.

@@ -18,19 +18,32 @@ const FIRST_SHARE_BYTES: u64 = 256 << 20;
 /// Bytes for each voxel of a volume: a brain of 37 million takes 3.
 const BYTES_PER_VOXEL: u64 = 4;
 
-/// Processor time that every run may take, whatever its size.
-const LEAST_CPU: Duration = Duration::from_secs(10);
-/// Processor time for each kilobyte of a compressed file. A torso of 59 labels takes 0.3 s for each, a vertebra 0.3 s,
-/// the smallest organs 0.1 s; with `uncertainty` 20 times as much.
-const CPU_PER_KB: Duration = Duration::from_secs(15);
 /// How much of a plain file is surface: what gzip leaves of label maps.
 const COMPRESSED_SHARE: f64 = 0.005;
 
-/// Processor time that a run of a file of so many bytes may take: who sends little cannot ask for much.
-#[must_use]
-pub fn cpu_time(bytes: u64, is_compressed: bool) -> Duration {
-    let compressed = if is_compressed { bytes as f64 } else { bytes as f64 * COMPRESSED_SHARE };
-    LEAST_CPU + CPU_PER_KB.mul_f64(compressed / 1024.0)
+/// Processor time that a run may take: it follows the size of its file, so that who sends little cannot ask for much.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CpuLimits {
+    /// Whatever the size.
+    pub least: Duration,
+    /// For each kilobyte of a compressed file. A torso of 59 labels and a vertebra take 0.3 s, single organs 0.1 s and less; as many
+    /// times as much with `uncertainty`.
+    pub per_kb: Duration,
+}
+
+impl Default for CpuLimits {
+    fn default() -> Self {
+        Self { least: Duration::from_secs(10), per_kb: Duration::from_secs(15) }
+    }
+}
+
+impl CpuLimits {
+    /// Time for a file of so many bytes.
+    #[must_use]
+    pub fn of(self, bytes: u64, is_compressed: bool) -> Duration {
+        let compressed = if is_compressed { bytes as f64 } else { bytes as f64 * COMPRESSED_SHARE };
+        self.least + self.per_kb.mul_f64(compressed / 1024.0)
+    }
 }
 
 /// Memory that a run gets at first.
@@ -206,9 +219,10 @@ mod tests {
 
     #[test]
     fn time_follows_the_size_of_the_file() {
-        assert_eq!(cpu_time(0, true), Duration::from_secs(10));
-        assert_eq!(cpu_time(2048, true), Duration::from_secs(40));
-        assert_eq!(cpu_time(2048 * 200, false), Duration::from_secs(40));
+        let limits = CpuLimits::default();
+        assert_eq!(limits.of(0, true), Duration::from_secs(10));
+        assert_eq!(limits.of(2048, true), Duration::from_secs(40));
+        assert_eq!(limits.of(2048 * 200, false), Duration::from_secs(40));
     }
 
     #[test]

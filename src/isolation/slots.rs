@@ -5,10 +5,11 @@ use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
-use super::budget::{Memory, cpu_time, default_memory_bytes, first_share};
+use super::budget::{CpuLimits, Memory, default_memory_bytes, first_share};
 use super::wire::{Outcome, Request, Told, receive, send, written};
 use crate::formats::params_json::params_to_json;
 use crate::formats::readers::check_header;
@@ -39,11 +40,13 @@ pub struct IsolationLimits {
     pub memory_bytes: u64,
     /// Threads of each; none for as many as there are cores.
     pub threads: Option<u16>,
+    /// Processor time of each run.
+    pub cpu: CpuLimits,
 }
 
 impl Default for IsolationLimits {
     fn default() -> Self {
-        Self { memory_bytes: default_memory_bytes(), threads: None }
+        Self { memory_bytes: default_memory_bytes(), threads: None, cpu: CpuLimits::default() }
     }
 }
 
@@ -53,6 +56,7 @@ pub struct Isolation {
     program: PathBuf,
     threads: Option<u16>,
     memory: Memory,
+    cpu: CpuLimits,
     idle: Mutex<Vec<Worker>>,
 }
 
@@ -67,7 +71,8 @@ struct Worker {
 /// How a run in a child ended.
 enum Ran {
     Ended(Result<Processed, ProcessError>),
-    NoMemory,
+    /// With the processor time that it used.
+    NoMemory(Duration),
     Crashed(String),
 }
 
@@ -83,8 +88,8 @@ impl Isolation {
     /// With children of another program.
     #[must_use]
     pub fn of_program(program: PathBuf, limits: IsolationLimits) -> Self {
-        let IsolationLimits { memory_bytes, threads } = limits;
-        Self { program, threads, memory: Memory::of(memory_bytes), idle: Mutex::default() }
+        let IsolationLimits { memory_bytes, threads, cpu } = limits;
+        Self { program, threads, memory: Memory::of(memory_bytes), cpu, idle: Mutex::default() }
     }
 
     /// As [`process`](crate::jobs::process::process), in a child. Waits until there is memory for it.
@@ -103,6 +108,7 @@ impl Isolation {
         let header = check_header(mask, limits)?;
         let bytes =
             std::fs::metadata(mask).map_err(|error| ProcessError::Io { doing: "reading the mask", error })?.len();
+        let cpu = self.cpu.of(bytes, header.is_compressed);
         let mut request = Request {
             mask: mask.to_owned(),
             params: params_to_json(params).to_string(),
@@ -111,7 +117,8 @@ impl Isolation {
             keep,
             share_bytes: first_share(&header),
             memory_bytes: self.memory.bytes(),
-            cpu: cpu_time(bytes, header.is_compressed),
+            cpu,
+            cpu_of_size: cpu,
         };
         let mut crashes = 0;
         loop {
@@ -124,10 +131,11 @@ impl Isolation {
             }
             match ran.map_err(|error| ProcessError::Io { doing: "starting a process", error })? {
                 Ran::Ended(result) => return result,
-                Ran::NoMemory if request.share_bytes < self.memory.bytes() => {
+                Ran::NoMemory(used) if request.share_bytes < self.memory.bytes() => {
                     request.share_bytes = self.memory.bytes();
+                    request.cpu = request.cpu.saturating_sub(used);
                 }
-                Ran::NoMemory => return Err(needs_too_much(self.memory.bytes(), &header).into()),
+                Ran::NoMemory(_) => return Err(needs_too_much(self.memory.bytes(), &header).into()),
                 Ran::Crashed(how) => {
                     crashes += 1;
                     if crashes == MOST_CRASHES {
@@ -224,9 +232,12 @@ impl Worker {
         if let Some(stderr) = self.child.stderr.take() {
             let _ = stderr.take(LAST_WORDS).read_to_string(&mut words);
         }
+        let used = processor_time(self.child.id());
         match self.child.wait() {
             // Nobody else kills a child than the system when memory runs out.
-            Ok(status) if words.contains("memory allocation of") || status.signal() == Some(SIGKILL) => Ran::NoMemory,
+            Ok(status) if words.contains("memory allocation of") || status.signal() == Some(SIGKILL) => {
+                Ran::NoMemory(used)
+            }
             Ok(status) => Ran::Crashed(told(status, &words)),
             Err(error) => Ran::Crashed(error.to_string()),
         }
@@ -238,6 +249,15 @@ impl Drop for Worker {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
+}
+
+/// Processor time that a process has used that is not yet waited for; none where the system does not say.
+fn processor_time(process: u32) -> Duration {
+    let told = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
+    // Its name, which stands in brackets, may hold anything.
+    let fields = told.rsplit(')').next().unwrap_or_default();
+    let ticks: u64 = fields.split_whitespace().skip(11).take(2).filter_map(|field| field.parse::<u64>().ok()).sum();
+    Duration::from_secs_f64(ticks as f64 / rustix::param::clock_ticks_per_second() as f64)
 }
 
 /// How a child ended, in a line: its status, and what it said first.
@@ -257,17 +277,17 @@ fn outcome_of(outcome: Outcome, request: &Request) -> io::Result<Result<Processe
             let error = os_error.map_or_else(|| io::Error::other(message), io::Error::from_raw_os_error);
             Err(ProcessError::Io { doing: doing.known(), error })
         }
-        Outcome::OutOfTime => Err(needs_too_long(request).into()),
+        Outcome::OutOfTime => Err(needs_too_long(request.cpu_of_size).into()),
         Outcome::Panicked(place) => {
             Err(ProcessError::Crashed { how: format!("panic at {}", place.as_deref().unwrap_or("an unknown place")) })
         }
     })
 }
 
-fn needs_too_long(request: &Request) -> Problem {
+fn needs_too_long(allowed: Duration) -> Problem {
     let detail = format!(
         "the run needs more than the {} s of processor time that a file of this size may take",
-        request.cpu.as_secs()
+        allowed.as_secs()
     );
     Problem::new(422, "needs_too_much_time", detail)
         .hint("crop the mask, raise resolution_mm, or lower uncertainty, neighbors and grid")

@@ -30,7 +30,10 @@ pub(super) struct Request {
     pub share_bytes: u64,
     /// Memory that any run may take: what is refused because it needs more does not depend on what else runs.
     pub memory_bytes: u64,
+    /// Processor time that is left for it.
     pub cpu: Duration,
+    /// Processor time for all tries of it.
+    pub cpu_of_size: Duration,
 }
 
 /// What a child says.

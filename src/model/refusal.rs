@@ -104,6 +104,14 @@ pub enum Refusal {
         /// Points allowed.
         limit: usize,
     },
+    /// The neighbourhood graph would need more memory than there is.
+    #[error("the neighbourhood graph would take {needed_mib} MiB of memory, there are {allowed_mib} for it")]
+    NeighborhoodTooLarge {
+        /// Memory that it needs.
+        needed_mib: u64,
+        /// Memory that there is for it.
+        allowed_mib: u64,
+    },
     /// The eigenproblem of the embedding has no answer.
     #[error("the sheet could not be laid flat by {method}: {reason}")]
     NoEmbedding {
@@ -150,7 +158,7 @@ pub enum Refusal {
 
 /// The codes that speak of the object's shape, not of the file it came in: all but those of [`Refusal::LabelMissing`],
 /// [`Refusal::EmptyMask`], [`Refusal::Background`] and [`Refusal::IntensityImage`].
-pub const SHAPE_CODES: [&str; 12] = [
+pub const SHAPE_CODES: [&str; 13] = [
     "too_thin",
     "hollow_object",
     "too_small",
@@ -161,6 +169,7 @@ pub const SHAPE_CODES: [&str; 12] = [
     "not_orientable",
     "sheet_has_holes",
     "too_many_points",
+    "neighborhood_too_large",
     "no_embedding",
     "working_grid_too_large",
 ];
@@ -182,6 +191,7 @@ impl Refusal {
             Self::NotOrientable { .. } => "not_orientable",
             Self::SheetHasHoles { .. } => "sheet_has_holes",
             Self::TooManyPoints { .. } => "too_many_points",
+            Self::NeighborhoodTooLarge { .. } => "neighborhood_too_large",
             Self::NoEmbedding { .. } => "no_embedding",
             Self::TooLarge { .. } => "working_grid_too_large",
             Self::Background { .. } => "label_is_background",
@@ -217,6 +227,7 @@ impl Refusal {
             Self::TooManyPoints { .. } => {
                 "leave landmarks at \"auto\" and embedding at \"isomap\", or set a larger resolution_mm".to_owned()
             }
+            Self::NeighborhoodTooLarge { .. } => "leave neighbors at \"auto\", or ask for fewer".to_owned(),
             Self::NoEmbedding { .. } => "leave embedding at \"isomap\"".to_owned(),
             Self::Background { .. } => {
                 "write the background as 0: change the two over if the mask is inverted; an object that fills its image \

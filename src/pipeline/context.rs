@@ -149,6 +149,11 @@ impl<'a> Context<'a> {
         notes.timings.add_all(&part.timings);
     }
 
+    /// Memory that the run may take.
+    pub(super) fn memory_bytes(&self) -> u64 {
+        self.observer.memory_bytes()
+    }
+
     /// Runs `work` as a stage: looks whether to stop, reports, and takes the time. Of one that is stopped or refused
     /// no end is reported.
     ///

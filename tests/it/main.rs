@@ -85,6 +85,8 @@ mod cli_serve;
 
 mod audit_log;
 
+mod isolation;
+
 mod soak;
 
 mod soak_hostile;

@@ -33,7 +33,7 @@ fn check_embeddings(name: &str) {
     for (number, sheet) in sheets_of(name).iter().enumerate() {
         let angle_error = |embedding: Embedding| {
             let method = Method { embedding, neighbors: Neighbors::Auto, landmarks: Landmarks::Auto };
-            let flat = flatten(sheet, method, 1.0, &Never).expect("a plane");
+            let flat = flatten(sheet, method, 1.0, u64::MAX, &Never).expect("a plane");
             let distortion = flat.distortion(sheet, &Never).expect("not cancelled").expect("judged");
             assert!(distortion.turned_over < MAX_TURNED_OVER / 4.0, "{name} {number} {embedding:?}: {distortion:?}");
             distortion.angle_error_deg

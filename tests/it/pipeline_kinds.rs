@@ -81,13 +81,14 @@ fn what_is_asked_of_the_lattice_does_not_change_what_the_figures_are() {
         r#"{"spacing_mm":6.0}"#,
         r#"{"margin":0.2}"#,
     ];
+    type Inside = Box<dyn Fn(Point3<f64>) -> bool>;
     // A sheet, a tube, what may be either, and a bent strap with a tail.
     let strap = |p: Point3<f64>| {
         let bent = p.z - 0.02 * p.x * p.x + 8.0;
         let half = if p.x > 12.0 { 3.0 } else { 11.0 };
         p.x.abs() <= 30.0 && p.y.hypot(1.5 * bent) <= half && bent.abs() <= 3.0
     };
-    let solids: [(&str, [f64; 3], Box<dyn Fn(Point3<f64>) -> bool>); 4] = [
+    let solids: [(&str, [f64; 3], Inside); 4] = [
         ("strap", [45.0, 20.0, 6.0], Box::new(ellipsoid([45.0, 20.0, 6.0]))),
         ("bladder", [17.0, 13.0, 11.0], Box::new(ellipsoid([17.0, 13.0, 11.0]))),
         ("thalamus", [26.0, 16.0, 10.0], Box::new(ellipsoid([26.0, 16.0, 10.0]))),

@@ -130,7 +130,7 @@ fn isomap(neighbors: Neighbors, landmarks: Landmarks) -> Method {
 #[test]
 fn no_edge_jumps_across_a_fold() {
     for neighbors in [Neighbors::Auto, Neighbors::Count(30), Neighbors::RadiusMm(4.0)] {
-        let flat = flatten(&hairpin(), isomap(neighbors, Landmarks::Auto), 1.0, &Never).expect("flat");
+        let flat = flatten(&hairpin(), isomap(neighbors, Landmarks::Auto), 1.0, u64::MAX, &Never).expect("flat");
         let length = (flat.points[62] - flat.points[0]).norm();
         // Edges may cut the corners of the bend, which takes up to 6; a jump would take 50.
         assert!((54.0..64.0).contains(&length), "{neighbors:?}: 62 along the strip, {length:.1} in the plane");
@@ -141,7 +141,7 @@ fn no_edge_jumps_across_a_fold() {
 #[test]
 fn a_flat_sheet_is_laid_flat_with_its_lengths() {
     let sheet = sheet_of(30, 40, |i, j| Point3::new(f64::from(j), f64::from(i), 0.0));
-    let flat = flatten(&sheet, isomap(Neighbors::Count(50), Landmarks::All), 1.0, &Never).expect("flat");
+    let flat = flatten(&sheet, isomap(Neighbors::Count(50), Landmarks::All), 1.0, u64::MAX, &Never).expect("flat");
     let far = (1..sheet.positions.len()).filter(|&p| (sheet.positions[p] - sheet.positions[0]).norm() > 8.0);
     let errors: Vec<f64> = far
         .map(|p| (flat.points[p] - flat.points[0]).norm() / (sheet.positions[p] - sheet.positions[0]).norm() - 1.0)
@@ -158,7 +158,8 @@ fn degenerate_surfaces_are_typed_outcomes() {
         positions: (0..n).map(|k| Point3::new(f64::from(k), 0.0, 0.0)).collect(),
         adjacency: (0..n).map(|k| (k.saturating_sub(1)..(k + 2).min(n)).filter(|&m| m != k).collect()).collect(),
     };
-    let flat = |surface: &Surface| flatten(surface, isomap(Neighbors::Auto, Landmarks::Auto), 1.0, &Never).err();
+    let flat =
+        |surface: &Surface| flatten(surface, isomap(Neighbors::Auto, Landmarks::Auto), 1.0, u64::MAX, &Never).err();
     assert_eq!(flat(&line(3)), Some(EmbeddingError::TooFewPoints { points: 3 }));
     assert_eq!(flat(&line(40)), Some(EmbeddingError::NoPlane));
 }

@@ -321,7 +321,7 @@ impl Cutter<'_> {
         self.left.set(self.left.get().saturating_sub(members.len()));
         let surface = self.surface.part(&members, self.context)?;
         let method = Method { landmarks, ..self.context.params.into() };
-        let flat = match flatten(&surface, method, self.voxel_mm, self.context) {
+        let flat = match flatten(&surface, method, self.voxel_mm, self.context.memory_bytes(), self.context) {
             Ok(flat) => Some(flat),
             Err(EmbeddingError::Cancelled(stop)) => return Err(stop),
             // Said where the sheet is laid out.

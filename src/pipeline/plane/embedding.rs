@@ -119,6 +119,14 @@ pub enum EmbeddingError {
         /// Points allowed.
         limit: usize,
     },
+    /// A graph with more edges than fit in memory.
+    #[error("a graph of {needed_mib} MiB; at most {allowed_mib}")]
+    TooManyNeighbors {
+        /// Memory that the graph needs.
+        needed_mib: u64,
+        /// Memory that there is for it.
+        allowed_mib: u64,
+    },
     /// The points lie on a line.
     #[error("the points span no plane")]
     NoPlane,
@@ -137,7 +145,7 @@ impl From<EigenError> for EmbeddingError {
     }
 }
 
-/// Lays a connected surface flat. `voxel_mm` turns an ε in mm into voxels.
+/// Lays a connected surface flat. `voxel_mm` turns an ε in mm into voxels; the graph may take half of `memory_bytes`.
 ///
 /// # Errors
 /// See [`EmbeddingError`].
@@ -145,6 +153,7 @@ pub fn flatten(
     surface: &Surface,
     Method { embedding, neighbors, landmarks }: Method,
     voxel_mm: f64,
+    memory_bytes: u64,
     cancel: &dyn Cancel,
 ) -> Result<Flat, EmbeddingError> {
     let points = surface.positions.len();
@@ -156,6 +165,7 @@ pub fn flatten(
     if points > limit {
         return Err(EmbeddingError::TooManyPoints { points, limit });
     }
+    check_graph(surface, neighbors, voxel_mm, memory_bytes)?;
     let (graph, pieces) = neighborhood_graph(surface, neighbors, voxel_mm, cancel)?;
     if embedding == Embedding::Laplacian {
         check_edges(points, graph.mean_degree())?;
@@ -175,6 +185,33 @@ pub fn flatten(
         unrolled: None,
     };
     Ok(Flat { points, embedded: Some(embedded), period: None })
+}
+
+/// Refuses neighbourhoods whose graph would not fit in half of the memory, before it is made.
+fn check_graph(
+    surface: &Surface,
+    neighbors: Neighbors,
+    voxel_mm: f64,
+    memory_bytes: u64,
+) -> Result<(), EmbeddingError> {
+    /// Bytes of an edge at both of its ends, in the lists that grow and in the graph made of them.
+    const EDGE_BYTES: f64 = 48.0;
+    /// Points of a surface of voxels in a circle of radius 1.
+    const POINTS_IN_CIRCLE: f64 = 4.0;
+    let points = surface.positions.len() as f64;
+    let each = match neighbors {
+        Neighbors::Auto => return Ok(()),
+        Neighbors::Count(k) => k as f64,
+        Neighbors::RadiusMm(radius_mm) => POINTS_IN_CIRCLE * (radius_mm / voxel_mm).powi(2),
+    };
+    let needed = points * each.min(points) * EDGE_BYTES;
+    let allowed = memory_bytes / 2;
+    if needed <= allowed as f64 {
+        return Ok(());
+    }
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count; what is beyond saturates")]
+    let needed_mib = needed as u64 >> 20;
+    Err(EmbeddingError::TooManyNeighbors { needed_mib, allowed_mib: allowed >> 20 })
 }
 
 /// Refuses graphs with more edges than the largest surface has with the automatic neighbourhood: the factor of the
@@ -283,7 +320,7 @@ mod tests {
 
     fn plane_of(surface: &Surface, embedding: Embedding) -> Result<Flat, EmbeddingError> {
         let method = Method { embedding, neighbors: Neighbors::Auto, landmarks: Landmarks::Auto };
-        flatten(surface, method, 1.0, &Never)
+        flatten(surface, method, 1.0, u64::MAX, &Never)
     }
 
     fn distortion_of(flat: &Flat, surface: &Surface) -> PlaneDistortion {

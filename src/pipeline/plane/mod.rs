@@ -116,7 +116,7 @@ struct Flattener<'a> {
 impl Flattener<'_> {
     fn flat(&self, name: &str, surface: &Surface) -> Result<Flat, PipelineError> {
         let (params, voxel_mm) = (self.context.params, self.solid.unit_mm);
-        match flatten(surface, params.into(), voxel_mm, self.context) {
+        match flatten(surface, params.into(), voxel_mm, self.context.memory_bytes(), self.context) {
             Ok(flat) => Ok(self.warned(name, flat)),
             Err(error) => Err(refused(error, params.embedding, self.sheet, voxel_mm)),
         }
@@ -184,6 +184,9 @@ fn refused(error: EmbeddingError, embedding: Embedding, sheet: &SheetSides, voxe
         EmbeddingError::TooFewPoints { points } => Refusal::TooSmall { points, needed: MIN_SHEET_POINTS },
         EmbeddingError::TooManyPoints { points, limit } => {
             Refusal::TooManyPoints { method: method.into(), points, limit }
+        }
+        EmbeddingError::TooManyNeighbors { needed_mib, allowed_mib } => {
+            Refusal::NeighborhoodTooLarge { needed_mib, allowed_mib }
         }
         EmbeddingError::NoEigenvectors(reason) => {
             Refusal::NoEmbedding { method: method.into(), reason: reason.to_string() }

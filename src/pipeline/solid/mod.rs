@@ -144,7 +144,7 @@ pub struct Masked {
 /// [`Refusal::TooLarge`] when the working grid would be, [`Refusal::Hollow`] of a part with many cavities,
 /// [`Refusal::TooThin`] when nothing is left of it on the grid; when it is cancelled.
 pub fn masked(part: &NativeMask, context: &Context<'_>) -> Result<Masked, PipelineError> {
-    WorkingGrid::plan(part, context.params.resolution_mm).check_size()?;
+    WorkingGrid::plan(part, context.params.resolution_mm).check_size(context.memory_bytes())?;
     context.advance(0.2);
     let Piece { inside: mask, lumens } = without_cavities(&part.mask, context)?;
     let native = NativeMask { mask, ..*part };

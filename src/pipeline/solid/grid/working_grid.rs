@@ -19,6 +19,8 @@ const ISOTROPY_TOLERANCE: f64 = 5e-3;
 /// kilobyte for each voxel of the surface: a structure stays near 3 GB whatever `resolution_mm` asks
 /// for.
 const MAX_WORKING_VOXELS: u64 = 150_000_000;
+/// Bytes of a run's memory for each voxel of the working grid: what the stages take for it, and as much for the rest of them.
+const MEMORY_PER_VOXEL: u64 = 28;
 
 /// Where the working grid lies.
 pub(in crate::pipeline::solid) struct WorkingGrid {
@@ -61,24 +63,21 @@ impl WorkingGrid {
         Self { dims, voxel_mm, world_from_work: centred.translated(to_world), centred, is_native: false }
     }
 
-    /// Refuses a grid of too many voxels.
-    pub fn check_size(&self) -> Result<(), Refusal> {
+    /// Refuses a grid of too many voxels for a run that may take so much memory.
+    pub fn check_size(&self, memory_bytes: u64) -> Result<(), Refusal> {
+        let allowed = MAX_WORKING_VOXELS.min(memory_bytes / MEMORY_PER_VOXEL);
         let voxels = self.voxels(1.0);
-        if voxels <= MAX_WORKING_VOXELS as f64 {
+        if voxels <= allowed as f64 {
             return Ok(());
         }
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count; what is beyond saturates")]
-        Err(Refusal::TooLarge {
-            voxels: voxels as u64,
-            allowed: MAX_WORKING_VOXELS,
-            resolution_mm: self.that_fits_mm(),
-        })
+        Err(Refusal::TooLarge { voxels: voxels as u64, allowed, resolution_mm: self.that_fits_mm(allowed) })
     }
 
     /// A working voxel with which there are few enough, told with three digits.
-    fn that_fits_mm(&self) -> f64 {
-        let mut factor = (self.voxels(1.0) / MAX_WORKING_VOXELS as f64).cbrt();
-        while self.voxels(factor) > MAX_WORKING_VOXELS as f64 {
+    fn that_fits_mm(&self, allowed: u64) -> f64 {
+        let mut factor = (self.voxels(1.0) / allowed as f64).cbrt();
+        while self.voxels(factor) > allowed as f64 {
             factor *= 1.01;
         }
         rounded_up(factor * self.voxel_mm)
@@ -170,10 +169,13 @@ mod tests {
         let world_from_voxel = WorldFromVoxel::axis_aligned([0.7, 0.9, 3.1], [0.0; 3]).unwrap();
         for dims in [[90, 60, 20], [400, 3, 3], [30, 30, 30]] {
             let native = NativeMask { mask: Grid::filled(dims, false), world_from_voxel, file_axes: [0, 1, 2] };
-            let too_large = WorkingGrid::plan(&native, Some(1e-3)).check_size();
-            let Err(Refusal::TooLarge { resolution_mm, .. }) = too_large else { panic!("{dims:?}: {too_large:?}") };
-            assert_eq!(WorkingGrid::plan(&native, Some(resolution_mm)).check_size(), Ok(()), "{dims:?}");
-            assert!(WorkingGrid::plan(&native, Some(0.9 * resolution_mm)).check_size().is_err(), "{dims:?}");
+            for memory_bytes in [u64::MAX, 1 << 30] {
+                let too_large = WorkingGrid::plan(&native, Some(1e-3)).check_size(memory_bytes);
+                let Err(Refusal::TooLarge { resolution_mm, .. }) = too_large else { panic!("{dims:?}: {too_large:?}") };
+                let of = |voxel_mm| WorkingGrid::plan(&native, Some(voxel_mm)).check_size(memory_bytes);
+                assert_eq!(of(resolution_mm), Ok(()), "{dims:?}");
+                assert!(of(0.9 * resolution_mm).is_err(), "{dims:?}");
+            }
         }
     }
 }
