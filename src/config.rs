@@ -73,11 +73,26 @@ pub struct ConnectionLimits {
     pub header_read: Duration,
     /// Bytes of buffered input per connection; bounds the headers too.
     pub buffer_bytes: usize,
+    /// Bytes that may have been written to a connection and not been read on the other side; the system makes twice as many of it.
+    /// With fewer, distant clients are slower: they get as many in the time of a way there and back. It takes more only once a third
+    /// of them is free again, so that the slowest pace is 85 kB in [`Self::write_idle`] whatever is set below that.
+    pub unread_bytes: usize,
+    /// Time in all in which a client takes nothing of what it is sent, after which it is judged by its pace.
+    pub write_idle: Duration,
+    /// Slowest pace at which answers are read; who is slower is cut off.
+    pub write_bytes_per_second: u64,
 }
 
 impl Default for ConnectionLimits {
     fn default() -> Self {
-        Self { max_connections: 4096, header_read: Duration::from_secs(15), buffer_bytes: 64 << 10 }
+        Self {
+            max_connections: 4096,
+            header_read: Duration::from_secs(15),
+            buffer_bytes: 64 << 10,
+            unread_bytes: 128 << 10,
+            write_idle: Duration::from_secs(30),
+            write_bytes_per_second: 1024,
+        }
     }
 }
 

@@ -25,6 +25,8 @@ use self::ops::Description;
 use self::web::Page;
 use crate::jobs::service::Jobs;
 
+mod connections;
+
 pub mod server;
 
 pub mod auth;

@@ -13,6 +13,7 @@ use axum::http::{HeaderMap, HeaderValue, Response, StatusCode};
 use axum::response::IntoResponse;
 
 use super::auth::{Allowed, Read, TokenProblems, TooManyRequests};
+use super::connections::Held;
 use super::error::{ApiError, PROBLEM_JSON};
 use super::extract::{IdParam, JobPath, ResultPath, has_it, header, list_header, media_range};
 use super::params_schema::BytesSchema;
@@ -152,9 +153,9 @@ async fn serve(jobs: &Jobs, published: &Published, headers: &HeaderMap) -> Resul
 async fn checked_body(jobs: &Jobs, published: &Published, (first, end): (u64, u64)) -> Result<Body, ApiError> {
     let Published { id, token, file } = published;
     match jobs.content(*id, token, file).await? {
-        Content::Bytes(bytes) => {
+        Content::Bytes(bytes, held) => {
             let at = |place: u64| usize::try_from(place).unwrap_or(usize::MAX).min(bytes.len());
-            Ok(Body::from(bytes.slice(at(first)..at(end))))
+            Ok(Body::new(Held { body: Body::from(bytes.slice(at(first)..at(end))), held }))
         }
         Content::Stored => {
             let stream = jobs.blobs().read_range((*id, token, &file.name), (first, end)).await;

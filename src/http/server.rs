@@ -1,20 +1,23 @@
 //! The service under way: accepts connections until it is told to stop, then lets what runs end.
 
 use std::future::Future;
+use std::io;
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Router;
 use hyper::server::conn::http1;
+use hyper::service::{Service, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::server::graceful::GracefulShutdown;
 use hyper_util::service::TowerToHyperService;
+use rustix::net::sockopt::set_socket_send_buffer_size;
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{sleep, timeout};
 
 use super::auth::Access;
+use super::connections::{Answering, Connections, PlaceTaken, Watched};
 use super::router;
 use crate::config::{ConnectionLimits, ServeConfig};
 use crate::jobs::place::{OpenError, Place};
@@ -66,46 +69,51 @@ async fn accept(
     limits: ConnectionLimits,
     shutdown: impl Future<Output = ()>,
 ) -> GracefulShutdown {
-    let connections = GracefulShutdown::new();
-    let slots = Arc::new(Semaphore::new(limits.max_connections));
+    let graceful = GracefulShutdown::new();
+    let connections = Connections::new(limits);
     let mut shutdown = pin!(shutdown);
     loop {
         let next = async {
-            let slot = Arc::clone(&slots).acquire_owned().await;
-            (slot, listener.accept().await)
+            let accepted = listener.accept().await?;
+            Ok::<_, io::Error>((accepted.0, connections.admit().await))
         };
         tokio::select! {
-            () = &mut shutdown => return connections,
+            () = &mut shutdown => return graceful,
             accepted = next => match accepted {
-                (Ok(slot), Ok((stream, _))) => serve(stream, router.clone(), limits, &connections, slot),
-                (_, Err(error)) => {
+                Ok((stream, place)) => serve(stream, router.clone(), limits, &graceful, place),
+                Err(error) => {
                     tracing::warn!(%error, "connection not accepted");
                     sleep(ACCEPT_PAUSE).await;
                 }
-                (Err(_), _) => return connections,
             }
         }
     }
 }
 
-fn serve(
-    stream: TcpStream,
-    router: Router,
-    limits: ConnectionLimits,
-    connections: &GracefulShutdown,
-    slot: OwnedSemaphorePermit,
-) {
+fn serve(stream: TcpStream, router: Router, limits: ConnectionLimits, graceful: &GracefulShutdown, place: PlaceTaken) {
     // Status answers are small: waiting to fill a packet would only delay them.
     let _ = stream.set_nodelay(true);
+    // The system's own bound is several MiB for each.
+    let _ = set_socket_send_buffer_size(&stream, limits.unread_bytes);
+    let open = Arc::clone(&place.0);
+    let service = TowerToHyperService::new(router);
+    let counted = service_fn(move |request| {
+        let (answering, answer) = (Answering::of(&open), service.call(request));
+        async move { answer.await.map(|answer| answer.map(|body| answering.with(body))) }
+    });
+    let stream = Watched::new(stream, Arc::clone(&place.0));
     let connection = http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(limits.header_read)
         .max_buf_size(limits.buffer_bytes)
-        .serve_connection(TokioIo::new(stream), TowerToHyperService::new(router));
-    let connection = connections.watch(connection);
+        .serve_connection(TokioIo::new(stream), counted);
+    let connection = graceful.watch(connection);
     tokio::spawn(async move {
         // A client that goes away is no event.
-        let _ = connection.await;
-        drop(slot);
+        tokio::select! {
+            _ = connection => {}
+            () = place.0.closed() => {}
+        }
+        drop(place);
     });
 }

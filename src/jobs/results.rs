@@ -100,7 +100,7 @@ impl Jobs {
     /// The bytes of the record, once they were found to be what was kept.
     async fn record_bytes(&self, job: &Job, token: &str, record: &ResultFile) -> Result<Vec<u8>, JobsError> {
         match self.content(job.id, token, record).await? {
-            Content::Bytes(bytes) => Ok(bytes.to_vec()),
+            Content::Bytes(bytes, _) => Ok(bytes.to_vec()),
             Content::Stored => Ok(self.blobs().read_all(job.id, token, record).await?),
         }
     }

@@ -2,7 +2,7 @@
 
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use medialrep::config::{ConnectionLimits, ServeConfig};
@@ -10,8 +10,9 @@ use medialrep::http::server;
 use medialrep::jobs::worker::Processor;
 use tempfile::TempDir;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
-use tokio::net::{TcpListener, TcpStream};
+use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use tokio::task::JoinHandle;
+use tokio::time::{sleep, timeout};
 use tokio_util::sync::CancellationToken;
 
 use crate::help::support::{limits, mask, waits, writes};
@@ -24,13 +25,18 @@ struct Wire {
 }
 
 async fn serve(processor: Processor) -> Wire {
+    let header_read = Duration::from_millis(300);
+    serve_with(processor, ConnectionLimits { header_read, ..ConnectionLimits::default() }).await
+}
+
+async fn serve_with(processor: Processor, connections: ConnectionLimits) -> Wire {
     let dir = TempDir::new().unwrap();
     let config = ServeConfig {
         data_dir: dir.path().to_owned(),
         workers: 1,
         drain: Duration::from_millis(300),
         jobs: limits(),
-        connections: ConnectionLimits { header_read: Duration::from_millis(300), ..ConnectionLimits::default() },
+        connections,
         ..ServeConfig::default()
     };
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
@@ -119,4 +125,90 @@ async fn a_stopping_server_does_not_wait_for_idle_clients_or_endless_jobs() {
     wire.server.await.unwrap();
     assert!(begun.elapsed() < Duration::from_secs(3));
     assert!(TcpStream::connect(wire.address).await.is_err());
+}
+
+/// With so many places, and readers that may stall for a second.
+async fn serve_few(places: usize) -> Wire {
+    let connections = ConnectionLimits {
+        max_connections: places,
+        write_idle: Duration::from_secs(1),
+        write_bytes_per_second: 1024,
+        ..ConnectionLimits::default()
+    };
+    serve_with(writes(), connections).await
+}
+
+impl Wire {
+    /// Asks for the longest open answer many times over and reads nothing.
+    async fn ask_and_never_read(&self) -> TcpStream {
+        let socket = TcpSocket::new_v4().unwrap();
+        socket.set_recv_buffer_size(4096).unwrap();
+        let mut stream = socket.connect(self.address).await.unwrap();
+        stream
+            .write_all(&b"GET /docs/swagger-ui-bundle.js HTTP/1.1\r\nHost: localhost\r\n\r\n".repeat(12))
+            .await
+            .unwrap();
+        stream
+    }
+
+    async fn is_live(&self) -> bool {
+        let head = b"GET /livez HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n";
+        timeout(Duration::from_secs(3), self.talk(&[head])).await.is_ok_and(|answer| answer.starts_with("HTTP/1.1 200"))
+    }
+}
+
+#[tokio::test]
+async fn clients_that_never_read_lose_their_places_to_others() {
+    // Nobody is judged by pace here: the places are taken by those who wait.
+    let connections = ConnectionLimits { max_connections: 4, ..ConnectionLimits::default() };
+    let wire = serve_with(writes(), connections).await;
+    let mut silent = Vec::new();
+    for _ in 0..4 {
+        silent.push(wire.ask_and_never_read().await);
+    }
+    for _ in 0..3 {
+        assert!(wire.is_live().await);
+    }
+}
+
+#[tokio::test]
+async fn a_client_that_does_not_read_is_cut_off_and_one_that_reads_is_not() {
+    let wire = serve_few(16).await;
+    let mut silent = wire.ask_and_never_read().await;
+    sleep(Duration::from_millis(2500)).await;
+    let mut left = Vec::new();
+    // What was under way arrives, and then the end.
+    let _ = timeout(Duration::from_secs(5), silent.read_to_end(&mut left)).await.expect("cut off");
+    let mut reading = wire.ask_and_never_read().await;
+    let mut read = 0;
+    let mut part = vec![0; 256 << 10];
+    let begun = Instant::now();
+    while read < 2 << 20 && begun.elapsed() < Duration::from_secs(20) {
+        sleep(Duration::from_millis(20)).await;
+        let count = reading.read(&mut part).await.unwrap();
+        assert!(count > 0, "cut off after {read}");
+        read += count;
+    }
+    assert!(read > left.len());
+}
+
+#[tokio::test]
+async fn idle_clients_lose_their_places_and_those_whose_answer_is_made_do_not() {
+    let connections = ConnectionLimits { max_connections: 2, ..ConnectionLimits::default() };
+    let gate = Arc::new(AtomicBool::new(false));
+    let wire = serve_with(waits(&gate), connections).await;
+    let _idle = TcpStream::connect(wire.address).await.unwrap();
+    let mut waiting = TcpStream::connect(wire.address).await.unwrap();
+    // A long poll: the answer is being made for three seconds.
+    let answer = wire.post(&format!("Content-Length: {}", mask().len()), &mask()).await;
+    let id = answer.split("\"id\":\"").nth(1).and_then(|rest| rest.split('"').next()).unwrap();
+    let ask = format!("GET /v1/jobs/{id}?wait=3 HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
+    waiting.write_all(ask.as_bytes()).await.unwrap();
+    sleep(Duration::from_millis(1200)).await;
+    let are_live = [wire.is_live().await, wire.is_live().await];
+    let mut told = Vec::new();
+    waiting.read_to_end(&mut told).await.unwrap();
+    gate.store(true, Ordering::Relaxed);
+    assert_eq!(are_live, [true; 2]);
+    assert!(told.starts_with(b"HTTP/1.1 200"), "{}", String::from_utf8_lossy(&told));
 }

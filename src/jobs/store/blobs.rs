@@ -29,6 +29,7 @@ use tempfile::{NamedTempFile, TempPath};
 use tokio::fs::File;
 use tokio::io::{AsyncWriteExt, BufReader};
 use tokio::runtime::Handle;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use super::KeptFiles;
 use crate::formats::hex;
@@ -42,6 +43,8 @@ const MASKS: &str = "masks";
 const RESULTS: &str = "results";
 /// Files up to this size are read once: checked or stored, then sent, from memory.
 const IN_MEMORY_BYTES: u64 = 8 << 20;
+/// Memory of all answers together that are sent from memory, KiB: readers may be slow. Others are read twice.
+const ANSWERS_KIB: usize = 64 << 10;
 /// How much is read ahead of a file that is copied.
 const COPY_BUFFER_BYTES: usize = 1 << 20;
 
@@ -51,6 +54,8 @@ pub struct Blobs {
     store: Arc<dyn ObjectStore>,
     root: PathBuf,
     scratch: PathBuf,
+    /// Memory left for answers, KiB.
+    answers: Arc<Semaphore>,
 }
 
 /// A mask as a local file; a copy vanishes when this is dropped.
@@ -75,8 +80,8 @@ impl LocalMask {
 
 /// A result whose content was found to be what was published.
 pub enum Content {
-    /// All of it.
-    Bytes(Bytes),
+    /// All of it, and its part of the memory for such answers, to be held until it has been sent.
+    Bytes(Bytes, OwnedSemaphorePermit),
     /// Too large for that: to be read with [`Blobs::read_range`].
     Stored,
 }
@@ -100,7 +105,8 @@ impl Blobs {
     pub fn beside(root: &Path) -> io::Result<Self> {
         let store = LocalFileSystem::new_with_prefix(root).map_err(io_error)?.with_fsync(true);
         let store = Arc::new(store.with_automatic_cleanup(true));
-        Ok(Self { store, root: root.to_owned(), scratch: root.join(SCRATCH) })
+        let answers = Arc::new(Semaphore::new(ANSWERS_KIB));
+        Ok(Self { store, root: root.to_owned(), scratch: root.join(SCRATCH), answers })
     }
 
     /// The same with the files in another object store: only scratch files are in the folder.
@@ -223,11 +229,11 @@ impl Blobs {
         if found.meta.size != file.bytes {
             return Ok(None);
         }
-        if file.bytes <= IN_MEMORY_BYTES {
+        if let Some(room) = self.room_in_memory(file.bytes) {
             let bytes = found.bytes().await.map_err(io_error)?;
             let hashed = bytes.clone();
             let hash = on_own_thread(move || Ok(hex(&Sha256::digest(&hashed)))).await?;
-            return Ok((hash == file.sha256).then_some(Content::Bytes(bytes)));
+            return Ok((hash == file.sha256).then_some(Content::Bytes(bytes, room)));
         }
         let mut chunks = found.into_stream();
         let mut hash = Sha256::new();
@@ -235,6 +241,12 @@ impl Blobs {
             hash = on_own_thread(move || Ok(hash.chain_update(&chunk))).await?;
         }
         Ok((hex(&hash.finalize()) == file.sha256).then_some(Content::Stored))
+    }
+
+    /// Room for an answer of so many bytes, where it is to be sent from memory.
+    fn room_in_memory(&self, bytes: u64) -> Option<OwnedSemaphorePermit> {
+        let kib = u32::try_from(bytes.div_ceil(1024)).ok().filter(|_| bytes <= IN_MEMORY_BYTES)?;
+        Arc::clone(&self.answers).try_acquire_many_owned(kib).ok()
     }
 
     /// Bytes `first` to before `end` of a published result.
