@@ -1,7 +1,7 @@
 //! Who asks, and how much of the service they take at once.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 /// Who asks for something: found out once per request, needed by everything that touches a job.
 #[derive(Clone, Debug, Default)]
@@ -53,5 +53,26 @@ impl Drop for OpenRequest {
             Some(count) if *count > 1 => *count -= 1,
             _ => drop(counts.remove(&self.tenant)),
         }
+    }
+}
+
+/// What each tenant does one after the other.
+#[derive(Debug, Default)]
+pub struct InTurn {
+    turns: Mutex<BTreeMap<String, Weak<tokio::sync::Mutex<()>>>>,
+}
+
+impl InTurn {
+    /// The lock of a tenant; forgotten when nobody holds or awaits it.
+    #[must_use]
+    pub fn of(&self, tenant: &str) -> Arc<tokio::sync::Mutex<()>> {
+        let mut turns = self.turns.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(own) = turns.get(tenant).and_then(Weak::upgrade) {
+            return own;
+        }
+        turns.retain(|_, other| other.strong_count() > 0);
+        let own = Arc::default();
+        turns.insert(tenant.to_owned(), Arc::downgrade(&own));
+        own
     }
 }

@@ -11,7 +11,7 @@ use tokio::time::{Instant, timeout, timeout_at};
 use tokio_util::sync::CancellationToken;
 
 use super::blocking::on_own_thread;
-use super::caller::{Caller, OpenRequest, OpenRequests};
+use super::caller::{Caller, InTurn, OpenRequest, OpenRequests};
 use super::changes::{Changes, RECHECK};
 use super::clock::Clock;
 use super::error::JobsError;
@@ -55,6 +55,8 @@ pub struct Jobs {
     wake_callbacks: Notify,
     workers_alive: AtomicUsize,
     requests: Arc<OpenRequests>,
+    /// Lists of each tenant.
+    lists: InTurn,
     closing: CancellationToken,
     audit: Arc<Audit>,
     metrics: Metrics,
@@ -86,6 +88,7 @@ impl Jobs {
             wake_callbacks: Notify::new(),
             workers_alive: AtomicUsize::new(0),
             requests: Arc::default(),
+            lists: InTurn::default(),
             closing: CancellationToken::new(),
             audit: Arc::new(audit),
             metrics: Metrics::new(),
@@ -184,7 +187,11 @@ impl Jobs {
     /// When the caller has none of this id, or the store fails.
     pub async fn status(&self, caller: &Caller, id: JobId) -> Result<JobStatus, JobsError> {
         let job = self.own(caller, id).await?;
-        self.with_progress(job).await
+        let position = match job.state {
+            JobState::Queued => self.store.positions(&[id]).await?.get(&id).copied(),
+            _ => None,
+        };
+        Ok(self.with_progress(job, position))
     }
 
     /// One job, once it has ended or `patience` is over.
@@ -214,11 +221,17 @@ impl Jobs {
     /// # Errors
     /// When the store fails.
     pub async fn list(&self, query: &ListQuery) -> Result<Vec<JobStatus>, JobsError> {
-        let mut list = Vec::new();
-        for job in self.store.list(query).await? {
-            list.push(self.with_progress(job).await?);
-        }
-        Ok(list)
+        // One after the other for each tenant: those of one cannot take all connections to the database.
+        let own = self.lists.of(&query.owner);
+        let _turn = own.lock().await;
+        let jobs = self.store.list(query).await?;
+        let waiting: Vec<JobId> = jobs.iter().filter(|job| job.state == JobState::Queued).map(|job| job.id).collect();
+        let positions = self.store.positions(&waiting).await?;
+        let with_progress = |job: Job| {
+            let position = positions.get(&job.id).copied();
+            self.with_progress(job, position)
+        };
+        Ok(jobs.into_iter().map(with_progress).collect())
     }
 
     /// Asks for the end of a job; one that runs stops at its next slice of work. A run that is
@@ -334,14 +347,10 @@ impl Jobs {
         job.filter(|job| job.owner == caller.tenant).ok_or(JobsError::NotFound)
     }
 
-    async fn with_progress(&self, job: Job) -> Result<JobStatus, JobsError> {
+    fn with_progress(&self, job: Job, queue_position: Option<u64>) -> JobStatus {
         let progress = self.running.get(job.id).map(|running| running.progress());
-        let queue_position = match job.state {
-            JobState::Queued => Some(self.store.count_queued_before(job.id).await? + 1),
-            _ => None,
-        };
         let progress = progress.filter(|_| job.state == JobState::Running);
-        Ok(JobStatus { job, progress, queue_position })
+        JobStatus { job, progress, queue_position }
     }
 
     /// Waits until a job may have come.

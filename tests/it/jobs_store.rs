@@ -68,6 +68,10 @@ async fn get(store: &dyn Store, id: JobId) -> Job {
     store.get(id).await.unwrap().unwrap()
 }
 
+async fn place(store: &dyn Store, id: JobId) -> u64 {
+    store.positions(&[id]).await.unwrap()[&id]
+}
+
 async fn state(store: &dyn Store, id: JobId) -> JobState {
     store.get(id).await.unwrap().unwrap().state
 }
@@ -86,7 +90,7 @@ fn failed() -> Outcome {
 async fn jobs_are_claimed_in_order_of_arrival() {
     let (_dir, store) = store().await;
     let ids = [insert(&*store).await, insert(&*store).await, insert(&*store).await];
-    assert_eq!(store.count_queued_before(ids[2]).await.unwrap(), 2);
+    assert_eq!(place(&*store, ids[2]).await, 3);
     for id in ids {
         assert_eq!(claim(&*store).await.unwrap().id, id);
     }
@@ -107,8 +111,8 @@ async fn short_jobs_pass_long_ones_but_not_for_ever() {
     let short = arrives(1, 0).await;
     let middle = arrives(2, 3).await;
     let late = arrives(300, 0).await;
-    for (place, id) in [short, middle, long, late].into_iter().enumerate() {
-        assert_eq!(store.count_queued_before(id).await.unwrap(), place as u64);
+    for (before, id) in [short, middle, long, late].into_iter().enumerate() {
+        assert_eq!(place(&*store, id).await, before as u64 + 1);
     }
     for id in [short, middle, long, late] {
         assert_eq!(claim(&*store).await.unwrap().id, id);
@@ -330,11 +334,25 @@ async fn a_tenant_gets_its_share_of_the_queue_and_no_more() {
 #[tokio::test]
 async fn a_flood_of_one_tenant_does_not_hold_up_the_others() {
     let (_dir, store) = store().await;
-    let flood = [insert(&*store).await, insert(&*store).await, insert(&*store).await];
-    let late = insert_of(&*store, "other").await;
-    for id in [flood[0], late, flood[1], flood[2]] {
+    let begun = Timestamp::now();
+    let arrives = async |owner: &str, after_s: i64, expected_s: u64| {
+        let created_at = begun + SignedDuration::from_secs(after_s);
+        let expected = Duration::from_secs(expected_s);
+        let job = NewJob { owner: owner.to_owned(), created_at, expected, ..new_job() };
+        store.insert(&job, LIMITS).await.unwrap();
+        job.id
+    };
+    // Their turns are 20 s apart, and those of the other lanes of the same tenant do not wait for them.
+    let flood = [arrives("one", 0, 2).await, arrives("one", 0, 2).await, arrives("one", 0, 2).await];
+    let other = arrives("other", 1, 2).await;
+    let short = arrives("one", 25, 0).await;
+    let order = [flood[0], other, short, flood[1], flood[2]];
+    let positions = store.positions(&order).await.unwrap();
+    for (at, id) in order.into_iter().enumerate() {
+        assert_eq!(positions[&id], at as u64 + 1);
         assert_eq!(claim(&*store).await.unwrap().id, id);
     }
+    assert!(store.positions(&order).await.unwrap().is_empty());
 }
 
 #[tokio::test]

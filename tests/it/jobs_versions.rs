@@ -91,7 +91,7 @@ async fn write(pool: &SqlitePool, step: i64, job: &Kept) {
     match step {
         1 => {}
         2 => write_second(pool, job).await,
-        3 | 4 => {
+        3..=5 => {
             write_second(pool, job).await;
             write_third(pool, job).await;
         }
@@ -229,9 +229,8 @@ async fn jobs_of_every_earlier_version_go_on() {
         let waiting = [&jobs[4], &jobs[5], &jobs[6]].map(|job| job.id);
         // The turn of the first comes a minute later, once there are turns.
         let order = if step == 1 { [0, 1, 2] } else { [1, 2, 0] };
-        for (place, at) in order.into_iter().enumerate() {
-            assert_eq!(store.count_queued_before(waiting[at]).await.unwrap(), place as u64, "step {step}");
-        }
+        let positions = store.positions(&waiting).await.unwrap();
+        assert_eq!(order.map(|at| positions[&waiting[at]]), [1, 2, 3], "step {step}");
         for at in order {
             assert_eq!(store.claim("here", now, now).await.unwrap().unwrap().job.id, waiting[at], "step {step}");
         }

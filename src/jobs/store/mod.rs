@@ -137,13 +137,31 @@ pub struct Reused {
 /// short jobs do not wait for long ones, and long ones not for ever.
 pub const PATIENCE: u32 = 10;
 
+/// How long jobs are expected to take that wait in one lane at the most, all but the last: a tenant's long jobs do not hold up
+/// its short ones.
+pub const LANES: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(10)];
+
 impl NewJob {
-    /// When its turn comes, milliseconds since 1970: queued jobs are run in this order.
+    /// How long it is expected to take, milliseconds.
     #[must_use]
-    pub fn turn_ms(&self) -> i64 {
-        let later = i64::try_from((self.expected * PATIENCE).as_millis()).unwrap_or(i64::MAX);
-        self.created_at.as_millisecond().saturating_add(later)
+    pub fn expected_ms(&self) -> i64 {
+        i64::try_from(self.expected.as_millis()).unwrap_or(i64::MAX)
     }
+
+    /// The lane in which it waits: 0 for the shortest.
+    #[must_use]
+    pub fn lane(&self) -> i64 {
+        LANES.iter().map(|longest| i64::from(self.expected >= *longest)).sum()
+    }
+}
+
+/// When the turn comes of a job that begins to wait at `now_ms` behind others of its tenant and lane, of which the last has its turn
+/// at `last_ms`, milliseconds since 1970. Queued jobs are run in the order of their turns, those of all tenants: one that sends many
+/// has its turns far apart, and others' come between. Fixed once, so that a claim looks at the first only.
+#[must_use]
+pub fn turn_ms(now_ms: i64, last_ms: Option<i64>, expected_ms: i64) -> i64 {
+    let begin = last_ms.map_or(now_ms, |last| last.max(now_ms));
+    begin.saturating_add(expected_ms.max(1).saturating_mul(PATIENCE.into()))
 }
 
 /// What may wait.
@@ -401,11 +419,10 @@ pub trait QueueStore: Send + Sync {
     /// When the job arrived that has waited longest.
     async fn oldest_queued(&self) -> Result<Option<Timestamp>, StoreError>;
 
-    /// Jobs that wait and whose turn comes before this one's.
-    async fn count_queued_before(&self, id: JobId) -> Result<u64, StoreError>;
+    /// The places of those of these jobs that wait among all that do, from 1.
+    async fn positions(&self, ids: &[JobId]) -> Result<BTreeMap<JobId, u64>, StoreError>;
 
-    /// Gives a waiting job to `instance` under a new lease that ends at `until`: of the tenants
-    /// that have the fewest running the one whose turn comes first.
+    /// Gives the waiting job whose turn comes first to `instance` under a new lease that ends at `until`.
     async fn claim(&self, instance: &str, now: Timestamp, until: Timestamp) -> Result<Option<Claim>, StoreError>;
 
     /// Keeps a lease until a later time.

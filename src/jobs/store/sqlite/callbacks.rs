@@ -5,7 +5,7 @@ use async_trait::async_trait;
 use jiff::Timestamp;
 use sqlx::Row;
 
-use super::{SqliteStore, rows};
+use super::{SqliteStore, rows, statements};
 use crate::jobs::job::{CallbackState, CallbackTry, JobId};
 use crate::jobs::store::{CallbackNext, CallbackStore, DueCallback, StoreError};
 
@@ -13,9 +13,9 @@ use crate::jobs::store::{CallbackNext, CallbackStore, DueCallback, StoreError};
 impl CallbackStore for SqliteStore {
     async fn claim_callback(&self, now: Timestamp, until: Timestamp) -> Result<Option<DueCallback>, StoreError> {
         // Looked for by a reader first: most of the time there is none, and a write would lock.
-        let due = "SELECT id FROM jobs WHERE callback_state = 'due' AND callback_due_ms <= $1
-                   ORDER BY callback_due_ms LIMIT 1";
-        let Some(row) = sqlx::query(due).bind(now.as_millisecond()).fetch_optional(&self.reader).await? else {
+        let Some(row) =
+            sqlx::query(statements::DUE_CALLBACK).bind(now.as_millisecond()).fetch_optional(&self.reader).await?
+        else {
             return Ok(None);
         };
         let claimed = sqlx::query(

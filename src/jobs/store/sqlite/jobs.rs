@@ -5,12 +5,12 @@ use jiff::Timestamp;
 use sqlx::{AssertSqlSafe, Row, Sqlite, SqliteExecutor, Transaction};
 
 use super::queue::load;
-use super::{SqliteStore, rows};
+use super::{SqliteStore, rows, statements};
 use crate::jobs::job::{Job, JobId, JobState, ResultFile};
 use crate::jobs::moves::Cause;
 use crate::jobs::store::sql::{self, MoveSql};
 use crate::jobs::store::{
-    CancelAnswer, Inserted, JobStore, ListQuery, NewJob, QueueLimits, RetryAnswer, Reused, StoreError,
+    CancelAnswer, Inserted, JobStore, ListQuery, NewJob, QueueLimits, RetryAnswer, Reused, StoreError, turn_ms,
 };
 
 #[async_trait]
@@ -45,20 +45,16 @@ impl JobStore for SqliteStore {
 
     async fn list(&self, query: &ListQuery) -> Result<Vec<Job>, StoreError> {
         let (name, value) = query.label.clone().unzip();
-        let rows = sqlx::query(
-            "SELECT * FROM jobs
-             WHERE owner = $1 AND (CAST($2 AS TEXT) IS NULL OR state = $2) AND (CAST($3 AS TEXT) IS NULL OR id < $3)
-               AND (CAST($4 AS TEXT) IS NULL OR id IN (SELECT job_id FROM job_labels WHERE name = $4 AND value = $5))
-             ORDER BY id DESC LIMIT $6",
-        )
-        .bind(&query.owner)
-        .bind(query.state.map(JobState::name))
-        .bind(query.before.map(|id| id.to_string()))
-        .bind(name)
-        .bind(value)
-        .bind(i64::from(query.limit))
-        .fetch_all(&self.reader)
-        .await?;
+        let rows = sqlx::query(AssertSqlSafe(statements::list(query.label.is_some(), query.state.is_some())))
+            .bind(&query.owner)
+            .bind(query.state.map(JobState::name))
+            // Ids begin with a digit or a letter from a to f.
+            .bind(query.before.map_or_else(|| "~".to_owned(), |id| id.to_string()))
+            .bind(name)
+            .bind(value)
+            .bind(i64::from(query.limit))
+            .fetch_all(&self.reader)
+            .await?;
         rows.iter().map(rows::job).collect()
     }
 
@@ -72,15 +68,12 @@ impl JobStore for SqliteStore {
     }
 
     async fn find_equal(&self, owner: &str, work_sha256: &str, program: &str) -> Result<Option<Job>, StoreError> {
-        let row = sqlx::query(
-            "SELECT * FROM jobs WHERE owner = $1 AND work_sha256 = $2 AND program = $3 AND state = 'succeeded'
-             AND results_kept = 1 ORDER BY id DESC LIMIT 1",
-        )
-        .bind(owner)
-        .bind(work_sha256)
-        .bind(program)
-        .fetch_optional(&self.reader)
-        .await?;
+        let row = sqlx::query(statements::EQUAL)
+            .bind(owner)
+            .bind(work_sha256)
+            .bind(program)
+            .fetch_optional(&self.reader)
+            .await?;
         row.as_ref().map(rows::job).transpose()
     }
 
@@ -104,7 +97,7 @@ impl JobStore for SqliteStore {
         let retried = sqlx::query(AssertSqlSafe(format!(
             "UPDATE jobs SET {set}, attempt = 0, cancel_requested = 0, error = NULL, started_at_ms = NULL,
                 turn_ms = CAST($1 AS BIGINT)
-             WHERE id = $2 AND {from} AND mask_kept = 1 RETURNING owner, mask_bytes"
+             WHERE id = $2 AND {from} AND mask_kept = 1 RETURNING owner, mask_bytes, lane, expected_ms"
         )))
         .bind(now.as_millisecond())
         .bind(id.to_string());
@@ -114,6 +107,11 @@ impl JobStore for SqliteStore {
         let (owner, bytes) = (row.try_get::<String, _>("owner")?, rows::bytes(&row, "mask_bytes")?);
         // It waits already, and goes back to where it was when there is no room.
         limits.check(&load(&mut *transaction, &owner).await?.without_own(bytes), bytes)?;
+        // Its own turn, which is now, is no later than that of any other.
+        let last_ms = last_turn_ms(&mut transaction, &owner, row.try_get("lane")?).await?;
+        let turn = turn_ms(now.as_millisecond(), last_ms, row.try_get("expected_ms")?);
+        let queued = sqlx::query("UPDATE jobs SET turn_ms = $1 WHERE id = $2").bind(turn).bind(id.to_string());
+        queued.execute(&mut *transaction).await?;
         transaction.commit().await?;
         Ok(RetryAnswer::Queued)
     }
@@ -175,13 +173,25 @@ async fn known(transaction: &mut Transaction<'_, Sqlite>, job: &NewJob) -> Resul
     if is_equal { Ok(Some(rows::id(&row)?)) } else { Err(StoreError::KeyReused) }
 }
 
+/// The last turn of those of a tenant that wait in a lane.
+async fn last_turn_ms(
+    transaction: &mut Transaction<'_, Sqlite>,
+    owner: &str,
+    lane: i64,
+) -> Result<Option<i64>, StoreError> {
+    let last = sqlx::query(statements::LAST_TURN).bind(owner).bind(lane).fetch_one(&mut **transaction).await?;
+    Ok(last.try_get(0)?)
+}
+
 async fn insert_queued(transaction: &mut Transaction<'_, Sqlite>, job: &NewJob) -> Result<(), StoreError> {
+    let last_ms = last_turn_ms(transaction, &job.owner, job.lane()).await?;
+    let turn = turn_ms(job.created_at.as_millisecond(), last_ms, job.expected_ms());
     sqlx::query(
         "INSERT INTO jobs (id, state, owner, labels, idempotency_key, request_sha256, mask_sha256, mask_bytes, params,
                            attempt, cancel_requested, created_at_ms, turn_ms, history, trace_id, callback_url,
-                           callback_state, work_sha256, warnings, results)
+                           callback_state, work_sha256, lane, expected_ms, warnings, results)
          VALUES ($1, $14, $2, $3, $4, $5, $6, $7, $8, 0, 0, $9, $10, ' ' || $14 || '@' || CAST($9 AS TEXT), $11, $12,
-                 CASE WHEN $12 IS NULL THEN NULL ELSE 'waiting' END, $13, '[]', '[]')",
+                 CASE WHEN $12 IS NULL THEN NULL ELSE 'waiting' END, $13, $15, $16, '[]', '[]')",
     )
     .bind(job.id.to_string())
     .bind(&job.owner)
@@ -192,11 +202,13 @@ async fn insert_queued(transaction: &mut Transaction<'_, Sqlite>, job: &NewJob) 
     .bind(rows::clamped(job.mask.bytes))
     .bind(&job.params_json)
     .bind(job.created_at.as_millisecond())
-    .bind(job.turn_ms())
+    .bind(turn)
     .bind(&job.trace_id)
     .bind(&job.callback_url)
     .bind(&job.work_sha256)
     .bind(JobState::FIRST.name())
+    .bind(job.lane())
+    .bind(job.expected_ms())
     .execute(&mut **transaction)
     .await?;
     Ok(())

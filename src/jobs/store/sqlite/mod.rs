@@ -9,6 +9,8 @@ mod error;
 
 mod rows;
 
+mod statements;
+
 mod jobs;
 
 mod queue;
@@ -121,6 +123,7 @@ fn migrator() -> Migrator {
         migration(2, "turns", include_str!("../../../../migrations/sqlite/0002_turns.sql")),
         migration(3, "service", include_str!("../../../../migrations/sqlite/0003_service.sql")),
         migration(4, "suspects", include_str!("../../../../migrations/sqlite/0004_suspects.sql")),
+        migration(5, "order", include_str!("../../../../migrations/sqlite/0005_order.sql")),
     ])
 }
 

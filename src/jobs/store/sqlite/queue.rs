@@ -1,10 +1,12 @@
 //! Jobs from the view of workers.
 
+use std::collections::BTreeMap;
+
 use async_trait::async_trait;
 use jiff::Timestamp;
 use sqlx::{AssertSqlSafe, Row, Sqlite, SqliteExecutor};
 
-use super::{SqliteStore, rows};
+use super::{SqliteStore, rows, statements};
 use crate::jobs::job::{JobId, JobState, JobWarning, ResultFile};
 use crate::jobs::moves::Cause;
 use crate::jobs::store::sql::{self, MoveSql, WITHOUT_LEASE};
@@ -20,33 +22,47 @@ impl QueueStore for SqliteStore {
     }
 
     async fn oldest_queued(&self) -> Result<Option<Timestamp>, StoreError> {
-        let row = sqlx::query("SELECT min(created_at_ms) AS oldest FROM jobs WHERE state = 'queued'");
-        rows::time(&row.fetch_one(&self.reader).await?, "oldest")
+        let row = sqlx::query(statements::OLDEST).fetch_optional(&self.reader).await?;
+        row.map_or(Ok(None), |row| rows::time(&row, "created_at_ms"))
     }
 
-    async fn count_queued_before(&self, id: JobId) -> Result<u64, StoreError> {
-        let row = sqlx::query(
-            "SELECT count(*) FROM jobs AS other JOIN jobs AS own ON own.id = $1 WHERE other.state = 'queued'
-             AND (other.turn_ms < own.turn_ms OR (other.turn_ms = own.turn_ms AND other.id < own.id))",
-        )
-        .bind(id.to_string())
-        .fetch_one(&self.reader)
-        .await?;
-        rows::count(&row, 0)
+    async fn positions(&self, ids: &[JobId]) -> Result<BTreeMap<JobId, u64>, StoreError> {
+        let mut reads = self.reader.begin().await?;
+        let mut turns = Vec::new();
+        for id in ids {
+            let row = sqlx::query(statements::TURN).bind(id.to_string()).fetch_optional(&mut *reads).await?;
+            if let Some(row) = row {
+                turns.push((row.try_get::<i64, _>("turn_ms")?, *id));
+            }
+        }
+        // Counted from one to the next: the queue is gone through once, however many are asked for.
+        turns.sort_unstable_by_key(|(turn, id)| (*turn, id.to_string()));
+        let (mut places, mut place, mut after) = (BTreeMap::new(), 0, (i64::MIN, String::new()));
+        for (turn, id) in turns {
+            let until = (turn, id.to_string());
+            let passed = sqlx::query(statements::PASSED)
+                .bind(after.0)
+                .bind(after.1)
+                .bind(until.0)
+                .bind(&until.1)
+                .fetch_one(&mut *reads)
+                .await?;
+            place += rows::count(&passed, 0)?;
+            places.insert(id, place);
+            after = until;
+        }
+        Ok(places)
     }
 
     async fn claim(&self, instance: &str, now: Timestamp, until: Timestamp) -> Result<Option<Claim>, StoreError> {
         let token = new_token();
         let MoveSql { set, from } = sql::moves(Cause::Claim);
+        let first = statements::FIRST;
         let claimed = sqlx::query(AssertSqlSafe(format!(
             "UPDATE jobs SET {set}, attempt = attempt + 1, lease_token = $2, lease_until_ms = $3,
                 started_at_ms = CAST($1 AS BIGINT), instance = $4
              WHERE {from} AND id =
-                (SELECT waiting.id FROM jobs AS waiting LEFT JOIN
-                    (SELECT owner, count(*) AS jobs FROM jobs WHERE state = 'running' GROUP BY owner) AS busy
-                    ON busy.owner = waiting.owner
-                 WHERE waiting.{from}
-                 ORDER BY coalesce(busy.jobs, 0), waiting.turn_ms, waiting.id LIMIT 1)
+                ({first})
              AND NOT EXISTS
                 (SELECT 1 FROM jobs AS beside
                  WHERE beside.instance = $4 AND beside.state = 'running' AND (beside.suspect = 1 OR jobs.suspect = 1))
@@ -153,14 +169,7 @@ pub(super) async fn load<'a>(
     executor: impl SqliteExecutor<'a, Database = Sqlite>,
     owner: &str,
 ) -> Result<QueueLoad, StoreError> {
-    let row = sqlx::query(
-        "SELECT count(*), coalesce(sum(mask_bytes), 0), count(CASE WHEN owner = $1 THEN 1 END),
-                coalesce(sum(CASE WHEN owner = $1 THEN mask_bytes END), 0)
-         FROM jobs WHERE state = 'queued'",
-    )
-    .bind(owner)
-    .fetch_one(executor)
-    .await?;
+    let row = sqlx::query(statements::LOAD).bind(owner).fetch_one(executor).await?;
     Ok(QueueLoad {
         jobs: rows::count(&row, 0)?,
         bytes: rows::count(&row, 1)?,

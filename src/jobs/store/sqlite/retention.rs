@@ -7,17 +7,14 @@ use sqlx::sqlite::SqliteRow;
 use sqlx::{Row, Sqlite, SqliteExecutor};
 use tokio::task::consume_budget;
 
-use super::{SqliteStore, rows};
+use super::{SqliteStore, rows, statements};
 use crate::jobs::job::JobId;
 use crate::jobs::store::{KeptFiles, RetentionStore, StoreError};
 
 #[async_trait]
 impl RetentionStore for SqliteStore {
     async fn expire_masks(&self, ended_before: Timestamp, limit: u32) -> Result<Vec<JobId>, StoreError> {
-        let due = "UPDATE jobs SET mask_kept = 0 WHERE id IN
-                     (SELECT id FROM jobs WHERE ended_at_ms < $1 AND mask_kept = 1 LIMIT $2)
-                   RETURNING id";
-        expire(&self.writer, due, ended_before, limit).await
+        expire(&self.writer, statements::EXPIRE_MASKS, ended_before, limit).await
     }
 
     async fn forget_mask(&self, id: JobId) -> Result<(), StoreError> {
@@ -26,16 +23,12 @@ impl RetentionStore for SqliteStore {
     }
 
     async fn expire_results(&self, ended_before: Timestamp, limit: u32) -> Result<Vec<JobId>, StoreError> {
-        let due = "UPDATE jobs SET results_kept = 0 WHERE id IN
-                     (SELECT id FROM jobs WHERE ended_at_ms < $1 AND results_kept = 1 AND state = 'succeeded' LIMIT $2)
-                   RETURNING id";
-        expire(&self.writer, due, ended_before, limit).await
+        expire(&self.writer, statements::EXPIRE_RESULTS, ended_before, limit).await
     }
 
     async fn expire_jobs(&self, ended_before: Timestamp, limit: u32) -> Result<Vec<JobId>, StoreError> {
-        let due = "DELETE FROM jobs WHERE id IN (SELECT id FROM jobs WHERE ended_at_ms < $1 LIMIT $2) RETURNING id";
         let mut transaction = self.write().await?;
-        let ids = expire(&mut *transaction, due, ended_before, limit).await?;
+        let ids = expire(&mut *transaction, statements::EXPIRE_JOBS, ended_before, limit).await?;
         for id in &ids {
             let labels = sqlx::query("DELETE FROM job_labels WHERE job_id = $1").bind(id.to_string());
             labels.execute(&mut *transaction).await?;
