@@ -43,7 +43,8 @@ impl Default for ServeConfig {
             workers: default_workers(),
             drain: Duration::from_secs(20),
             jobs: JobLimits {
-                queue: QueueLimits { jobs: 1000, bytes: 8 << 30, share_percent: 50 },
+                queue: QueueLimits { jobs: 1000, bytes: 8 << 30, share_percent: 50, storage_bytes: u64::MAX },
+                storage_percent: 50,
                 min_free_bytes: 512 << 20,
                 max_requests: 512,
                 max_run: Duration::from_secs(1800),

@@ -93,9 +93,10 @@ fn check_folder(dir: &Path) -> anyhow::Result<String> {
 }
 
 fn check_disk(place: &Place, min_free: u64) -> anyhow::Result<String> {
-    let free = place.free_bytes()?;
-    let told = format!("{} MiB free, masks are refused below {} MiB", free >> 20, min_free >> 20);
-    ensure!(free >= min_free, told);
+    let room = place.room()?;
+    let (free, files) = (room.free_bytes >> 20, 100.0 * room.free_files);
+    let told = format!("{free} MiB and {files:.0} % of its files free, masks are refused below {} MiB", min_free >> 20);
+    ensure!(room.has(min_free), told);
     Ok(told)
 }
 

@@ -86,6 +86,12 @@ struct LimitArgs {
           value_parser = clap::value_parser!(u8).range(1..=100))]
     tenant_share_percent: u8,
 
+    /// How much of the disk the masks and results of one tenant may take; more is answered with 507. 100 without tokens. Results
+    /// that are used again count once more.
+    #[arg(long, env = "MEDIALREP_TENANT_STORAGE_PERCENT", default_value_t = 50, value_name = "PERCENT",
+          value_parser = clap::value_parser!(u8).range(1..=100))]
+    tenant_storage_percent: u8,
+
     /// Requests that one tenant may have open at the same time, waiting ones included.
     #[arg(long, env = "MEDIALREP_MAX_OPEN_REQUESTS", default_value_t = 512, value_name = "COUNT")]
     max_open_requests: usize,
@@ -224,8 +230,10 @@ impl ServeArgs {
                     jobs: limits.max_queued,
                     bytes: mib(limits.max_queued_mib),
                     share_percent: limits.tenant_share_percent,
+                    ..defaults.jobs.queue
                 },
                 min_free_bytes: mib(limits.min_free_mib),
+                storage_percent: limits.tenant_storage_percent,
                 max_requests: limits.max_open_requests,
                 max_run: Duration::from_secs(limits.max_run_seconds),
                 upload: UploadLimits {

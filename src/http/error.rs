@@ -94,9 +94,12 @@ fn no_room(error: JobsError) -> ApiError {
                 .hint("use a new key for every new request")
                 .into()
         }
-        JobsError::StorageLow => Problem::new(507, "storage_low", "the server's disk is nearly full")
-            .hint("delete jobs, or try later")
-            .into(),
+        JobsError::StorageLow => storage_low(),
+        JobsError::Store(StoreError::StorageShareFull) => {
+            Problem::new(507, "storage_share_full", "as much is kept of this tenant's masks and results as may be")
+                .hint("delete jobs, or wait until results are erased")
+                .into()
+        }
         JobsError::Store(StoreError::Full) => Problem::storage_full().into(),
         JobsError::Store(error @ StoreError::Unavailable(_)) => {
             tracing::error!(%error, "request put off");
@@ -109,6 +112,10 @@ fn no_room(error: JobsError) -> ApiError {
 
 fn busy(code: &str, detail: &str) -> ApiError {
     Problem::new(503, code, detail).hint("send it again after the time in Retry-After").into()
+}
+
+fn storage_low() -> ApiError {
+    Problem::new(507, "storage_low", "the server's disk is nearly full").hint("delete jobs, or try later").into()
 }
 
 impl From<UploadError> for ApiError {
@@ -127,6 +134,7 @@ impl From<UploadError> for ApiError {
             UploadError::TooSlow => Problem::new(408, "upload_too_slow", "the upload paused or took too long")
                 .hint("send it again over a faster line, or compressed (.nii.gz)")
                 .into(),
+            UploadError::StorageLow => storage_low(),
             UploadError::Storage(error) => files_failed(&error),
         }
     }

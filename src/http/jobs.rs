@@ -72,7 +72,7 @@ const IDEMPOTENT_REPLAYED: HeaderName = HeaderName::from_static("idempotent-repl
         (status = 422, body = Problem, content_type = PROBLEM_JSON, description = "`invalid_params`, `invalid_labels`, `callback_not_allowed`, `idempotency_key_reused`; of the file `several_volumes`, `unsupported_datatype`, `bad_affine`"),
         (status = 429, body = Problem, content_type = PROBLEM_JSON, description = "`queue_share_full`, `too_many_requests`; Retry-After says when to try again"),
         (status = 503, body = Problem, content_type = PROBLEM_JSON, description = "`queue_full`; Retry-After says when to try again"),
-        (status = 507, body = Problem, content_type = PROBLEM_JSON, description = "`storage_full`, `storage_low`")
+        (status = 507, body = Problem, content_type = PROBLEM_JSON, description = "`storage_full`, `storage_low`, `storage_share_full`")
     )
 )]
 pub async fn submit(

@@ -76,7 +76,7 @@ pub async fn receive(
         receive_form(jobs, &mut asked, form, &understood).await?
     } else {
         let body = request.into_body().into_data_stream();
-        upload::receive(jobs.blobs(), jobs.limits().upload, body).await?
+        upload::receive((jobs.blobs(), jobs.limits().min_free_bytes), jobs.limits().upload, body).await?
     };
     let params = asked.params.map_or_else(|| RequestedParams::parse(None), Ok)?;
     let (labels, callback_url) = (asked.labels.unwrap_or_default(), asked.callback_url);
@@ -118,7 +118,14 @@ async fn receive_form(
                 let count = |chunk: &Result<Bytes, _>| {
                     understood.fetch_add(chunk.as_ref().map_or(0, |bytes| bytes.len() as u64), Ordering::Relaxed);
                 };
-                mask = Some(upload::receive(jobs.blobs(), jobs.limits().upload, field.inspect(count)).await?);
+                mask = Some(
+                    upload::receive(
+                        (jobs.blobs(), jobs.limits().min_free_bytes),
+                        jobs.limits().upload,
+                        field.inspect(count),
+                    )
+                    .await?,
+                );
             }
             Some("mask") => return Err(given_twice()),
             Some(name @ ("params" | "labels" | "callback_url")) => {

@@ -13,6 +13,8 @@ pub struct JobLimits {
     pub queue: QueueLimits,
     /// Room on the disk below which nothing is taken in, bytes.
     pub min_free_bytes: u64,
+    /// How much of the disk the files of one tenant may take, percent.
+    pub storage_percent: u8,
     /// Requests of one tenant at the same time; who is not known is many.
     pub max_requests: usize,
     /// Longest run of a job.

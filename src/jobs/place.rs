@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::make_private;
-use super::store::blobs::{Blobs, free_bytes};
+use super::store::blobs::{Blobs, Room, room};
 use super::store::liveness::Instance;
 use super::store::sqlite::SqliteStore;
 use super::store::{Store, StoreError};
@@ -133,8 +133,8 @@ impl Place {
     ///
     /// # Errors
     /// When the file system does not say.
-    pub fn free_bytes(&self) -> io::Result<u64> {
-        free_bytes(&self.folder)
+    pub fn room(&self) -> io::Result<Room> {
+        room(&self.folder)
     }
 
     fn database(&self) -> PathBuf {

@@ -157,7 +157,7 @@ impl Jobs {
             oldest_queued_seconds: waited.max(0.0),
             running: self.running.all().len() as u64,
             workers: self.workers_alive.load(Ordering::Relaxed) as u64,
-            disk_free_bytes: self.blobs.free_bytes()?,
+            disk_free_bytes: self.blobs.room()?.free_bytes,
             disk_min_free_bytes: self.limits.min_free_bytes,
         })
     }
@@ -261,7 +261,7 @@ impl Jobs {
     /// When there is no such job, it is in another state, its mask is erased or the queue is full.
     pub async fn retry(&self, caller: &Caller, id: JobId) -> Result<JobStatus, JobsError> {
         self.own(caller, id).await?;
-        match self.store.retry(id, Timestamp::now(), self.queue_limits(&caller.tenant)).await? {
+        match self.store.retry(id, Timestamp::now(), self.queue_limits(&caller.tenant)?).await? {
             RetryAnswer::NotFound => return Err(JobsError::NotFound),
             RetryAnswer::NotRetryable(state) => return Err(JobsError::NotRetryable(state)),
             RetryAnswer::MaskErased => return Err(JobsError::MaskErased),
@@ -331,14 +331,17 @@ impl Jobs {
     }
 
     pub(super) fn check_disk(&self, bytes: u64) -> Result<(), JobsError> {
-        let free = self.blobs.free_bytes()?;
-        if free < self.limits.min_free_bytes.saturating_add(bytes) { Err(JobsError::StorageLow) } else { Ok(()) }
+        let has_room = self.blobs.room()?.has(self.limits.min_free_bytes.saturating_add(bytes));
+        if has_room { Ok(()) } else { Err(JobsError::StorageLow) }
     }
 
     /// What may wait of a tenant; who is alone has no share.
-    pub(super) fn queue_limits(&self, tenant: &str) -> QueueLimits {
-        let share_percent = if tenant.is_empty() { 100 } else { self.limits.queue.share_percent };
-        QueueLimits { share_percent, ..self.limits.queue }
+    pub(super) fn queue_limits(&self, tenant: &str) -> Result<QueueLimits, JobsError> {
+        if tenant.is_empty() {
+            return Ok(QueueLimits { share_percent: 100, storage_bytes: u64::MAX, ..self.limits.queue });
+        }
+        let share = self.blobs.room()?.all_bytes / 100 * u64::from(self.limits.storage_percent);
+        Ok(QueueLimits { storage_bytes: self.limits.queue.storage_bytes.min(share), ..self.limits.queue })
     }
 
     /// A job of the caller's; another tenant's is as good as none.

@@ -85,7 +85,9 @@ impl Jobs {
             None => false,
         };
         if !is_known {
-            self.queue_limits(&caller.tenant).check(&self.store().load(&caller.tenant).await?, bytes)?;
+            let (limits, load) = (self.queue_limits(&caller.tenant)?, self.store().load(&caller.tenant).await?);
+            limits.check_storage(&load, bytes)?;
+            limits.check(&load, bytes)?;
         }
         self.check_disk(bytes)
     }
@@ -136,7 +138,7 @@ impl Jobs {
     /// Mask first, row then; leaves no file of a job that is not new.
     async fn keep(&self, new: &NewJob, file: &Path) -> Result<Inserted, JobsError> {
         let inserted = match self.blobs().keep_mask(file, new.id).await {
-            Ok(()) => self.store().insert(new, self.queue_limits(&new.owner)).await.map_err(JobsError::Store),
+            Ok(()) => self.store().insert(new, self.queue_limits(&new.owner)?).await.map_err(JobsError::Store),
             Err(error) => Err(JobsError::Files(error)),
         };
         if !matches!(inserted, Ok(Inserted::New))

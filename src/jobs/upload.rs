@@ -40,6 +40,9 @@ pub struct UploadLimits {
     pub bytes_per_second: u64,
 }
 
+/// Bytes after which it is looked again whether there is room.
+const ROOM_EVERY_BYTES: u64 = 1 << 20;
+
 /// How long an upload may be slower than its slowest pace: a mask may be small and a line slow to begin.
 const PATIENCE: Duration = Duration::from_secs(10);
 
@@ -64,6 +67,9 @@ pub enum UploadError {
     /// The bytes came too slowly.
     #[error("the upload took too long")]
     TooSlow,
+    /// The disk has less room than is to be left free.
+    #[error("the disk is nearly full")]
+    StorageLow,
     /// It could not be written.
     #[error("the upload could not be stored: {0}")]
     Storage(#[from] io::Error),
@@ -93,22 +99,26 @@ async fn remove(file: TempPath) {
     }
 }
 
-/// Writes `body` to a new file among the incoming ones.
+/// Writes `body` to a new file among the incoming ones, as long as so many bytes of the disk are left free.
 ///
 /// # Errors
 /// As [`UploadError`]; nothing is left on disk then.
-pub async fn receive<S, E>(blobs: &Blobs, limits: UploadLimits, mut body: S) -> Result<Received, UploadError>
+pub async fn receive<S, E>(
+    (blobs, min_free_bytes): (&Blobs, u64),
+    limits: UploadLimits,
+    mut body: S,
+) -> Result<Received, UploadError>
 where
     S: Stream<Item = Result<Bytes, E>> + Unpin,
 {
-    let blobs = blobs.clone();
+    let (blobs, room) = (blobs.clone(), blobs.clone());
     let (to, file) = on_own_thread(move || blobs.begin_upload()).await?.into_parts();
-    let received = receive_all(to, limits, &mut body).await;
+    let received = receive_all(to, (&room, min_free_bytes), limits, &mut body).await;
     match received {
         Ok(mask) => Ok(Received { file, mask }),
         Err(error) => {
             remove(file).await;
-            if matches!(error, UploadError::TooLarge { .. } | UploadError::Refused(_)) {
+            if matches!(error, UploadError::TooLarge { .. } | UploadError::Refused(_) | UploadError::StorageLow) {
                 discard(&mut body).await;
             }
             Err(error)
@@ -116,14 +126,26 @@ where
     }
 }
 
-async fn receive_all<S, E>(to: File, limits: UploadLimits, body: &mut S) -> Result<MaskInfo, UploadError>
+async fn receive_all<S, E>(
+    to: File,
+    (blobs, min_free_bytes): (&Blobs, u64),
+    limits: UploadLimits,
+    body: &mut S,
+) -> Result<MaskInfo, UploadError>
 where
     S: Stream<Item = Result<Bytes, E>> + Unpin,
 {
     let mut incoming = Incoming { file: to, head: Vec::new(), bytes: 0, hash: Sha256::new() };
-    let begun = Instant::now();
+    let (begun, mut looked) = (Instant::now(), 0);
     while let Some(chunk) = next_chunk(body, limits.idle, begun + limits.total).await? {
         incoming.look_at(&chunk, limits.max_bytes)?;
+        if incoming.bytes >= looked + ROOM_EVERY_BYTES {
+            // Others write too, and a length need not be said.
+            looked = incoming.bytes;
+            if !blobs.room()?.has(min_free_bytes) {
+                return Err(UploadError::StorageLow);
+            }
+        }
         let took = begun.elapsed();
         if took > PATIENCE && incoming.bytes < limits.bytes_per_second.saturating_mul(took.as_secs()) {
             return Err(UploadError::TooSlow);

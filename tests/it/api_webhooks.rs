@@ -7,6 +7,8 @@ use axum::Router;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::routing::post;
+use medialrep::jobs::limits::JobLimits;
+use medialrep::jobs::store::QueueLimits;
 use medialrep::webhook::{Secret, Sender, Targets, WebhookConfig};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -90,6 +92,31 @@ async fn a_webhook_that_fails_is_tried_again_even_by_the_next_server() {
     let told = server.job_when(&job, |now| now["callback"]["state"] == "delivered").await;
     assert_eq!(told["callback"]["deliveries"].as_array().unwrap().len(), 2);
     assert_eq!(hook.arrived.lock().unwrap().len(), 1);
+}
+
+#[tokio::test]
+async fn receivers_that_hang_do_not_delay_another() {
+    let hook = Hook::default();
+    let good = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    // It takes connections and never answers.
+    let hanging = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let [good_url, hanging_url] =
+        [&good, &hanging].map(|listener| format!("http://{}/hooks/", listener.local_addr().unwrap()));
+    let router = Router::new().route("/hooks/{name}", post(take)).with_state(hook.clone());
+    tokio::spawn(async move { axum::serve(good, router).await });
+    let targets = Targets::parse(&[&good_url, &hanging_url], &["127.0.0.0/8"]).unwrap();
+    let sender = Sender::new(WebhookConfig::new(targets, SECRET.parse().unwrap())).unwrap();
+    let limits = JobLimits { queue: QueueLimits { jobs: 100, ..limits().queue }, ..limits() };
+    let mut server = Server::open_with(TempDir::new().unwrap(), limits, Some(sender)).await;
+    for n in 0..40 {
+        send(&server, &format!("{hanging_url}{n}")).await;
+    }
+    let job = send(&server, &format!("{good_url}a")).await;
+    server.run(&writes());
+    // Far below the time that one try to a receiver that hangs takes.
+    let told = server.job_when(&job, |now| now["callback"]["state"] == "delivered");
+    tokio::time::timeout(Duration::from_secs(5), told).await.expect("told in time");
+    drop(hanging);
 }
 
 #[tokio::test]

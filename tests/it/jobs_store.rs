@@ -27,7 +27,7 @@ async fn store() -> (TempDir, Arc<dyn Store>) {
     (dir, store)
 }
 
-const LIMITS: QueueLimits = QueueLimits { jobs: 1000, bytes: 1 << 30, share_percent: 100 };
+const LIMITS: QueueLimits = QueueLimits { jobs: 1000, bytes: 1 << 30, share_percent: 100, storage_bytes: u64::MAX };
 
 fn new_job() -> NewJob {
     NewJob {
@@ -314,7 +314,7 @@ async fn a_deleted_job_is_gone_for_its_worker_too() {
 #[tokio::test]
 async fn a_tenant_gets_its_share_of_the_queue_and_no_more() {
     let (_dir, store) = store().await;
-    let limits = QueueLimits { jobs: 10, bytes: 100, share_percent: 30 };
+    let limits = QueueLimits { jobs: 10, bytes: 100, share_percent: 30, storage_bytes: u64::MAX };
     for _ in 0..3 {
         store.insert(&new_job(), limits).await.unwrap();
     }
@@ -608,20 +608,77 @@ async fn a_webhook_is_due_from_the_end_of_its_job_until_it_arrives() {
     let soon = || Timestamp::now() + SignedDuration::from_secs(1);
     let callback = async || get(&*store, job.id).await.callback.unwrap();
     assert_eq!(callback().await.state, CallbackState::Waiting);
-    assert!(store.claim_callback(soon(), soon() + LEASE).await.unwrap().is_none());
+    assert!(store.claim_callback(soon(), soon() + LEASE, &|_, _| false).await.unwrap().is_none());
     let lease = claim(&*store).await.unwrap();
     store.finish(&lease, &succeeded(), Timestamp::now()).await.unwrap();
-    let due = store.claim_callback(soon(), soon() + LEASE).await.unwrap().unwrap();
+    let due = store.claim_callback(soon(), soon() + LEASE, &|_, _| false).await.unwrap().unwrap();
     assert_eq!((due.job.id, due.tries, due.url.as_str()), (job.id, 0, "https://hook.example/"));
     // Given away until its time is over.
-    assert!(store.claim_callback(soon(), soon() + LEASE).await.unwrap().is_none());
+    assert!(store.claim_callback(soon(), soon() + LEASE, &|_, _| false).await.unwrap().is_none());
     let tried = |status| CallbackTry { at: Timestamp::now(), status, error: None };
     store.callback_tried(job.id, &tried(None), CallbackNext::TryAt(Timestamp::now())).await.unwrap();
-    assert_eq!(store.claim_callback(soon(), soon() + LEASE).await.unwrap().unwrap().tries, 1);
+    assert_eq!(store.claim_callback(soon(), soon() + LEASE, &|_, _| false).await.unwrap().unwrap().tries, 1);
     store.callback_tried(job.id, &tried(Some(204)), CallbackNext::Delivered).await.unwrap();
     let told = callback().await;
     assert_eq!((told.state, told.log.len(), told.log[1].status), (CallbackState::Delivered, 2, Some(204)));
-    assert!(store.claim_callback(soon() + LEASE + LEASE, soon() + LEASE).await.unwrap().is_none());
+    assert!(store.claim_callback(soon() + LEASE + LEASE, soon() + LEASE, &|_, _| false).await.unwrap().is_none());
+}
+
+#[tokio::test]
+async fn what_is_kept_of_a_tenant_counts_and_is_bounded_reused_results_too() {
+    let (_dir, store) = store().await;
+    let kept = async |owner: &str| store.load(owner).await.unwrap().kept_bytes;
+    let mask = new_job().mask.bytes;
+    let id = insert_of(&*store, "one").await;
+    assert_eq!(kept("one").await, mask);
+    let lease = claim(&*store).await.unwrap();
+    store.finish(&lease, &succeeded(), Timestamp::now()).await.unwrap();
+    let Outcome::Succeeded { results, warnings, program } = succeeded() else { unreachable!() };
+    let made: u64 = results.iter().map(|file| file.bytes).sum();
+    assert_eq!(kept("one").await, mask + made);
+    let reused = Reused { token: "token".to_owned(), results, warnings, program };
+    let again = || NewJob { owner: "one".to_owned(), reused: Some(reused.clone()), ..new_job() };
+    let room_for = |bytes| QueueLimits { storage_bytes: bytes, ..LIMITS };
+    let full = store.insert(&again(), room_for(2 * (mask + made) - 1)).await;
+    assert!(matches!(full, Err(StoreError::StorageShareFull)));
+    store.insert(&again(), room_for(2 * (mask + made))).await.unwrap();
+    assert_eq!((kept("one").await, kept("other").await), (2 * (mask + made), 0));
+    let later = Timestamp::now() + SignedDuration::from_secs(1);
+    store.expire_masks(later, 10).await.unwrap();
+    assert_eq!(kept("one").await, 2 * made);
+    store.delete(id).await.unwrap();
+    assert_eq!(kept("one").await, made);
+    store.expire_jobs(later, 10).await.unwrap();
+    assert_eq!(kept("one").await, 0);
+}
+
+#[tokio::test]
+async fn webhooks_of_a_busy_host_or_tenant_hold_up_no_others() {
+    let (_dir, store) = store().await;
+    let mut ids = Vec::new();
+    for (owner, url) in [
+        ("one", "https://hangs.example/a"),
+        ("one", "https://hangs.example/b"),
+        ("other", "https://hangs.example:8443/c"),
+        ("one", "https://good.example/d?x=1"),
+    ] {
+        let job = NewJob { owner: owner.to_owned(), callback_url: Some(url.to_owned()), ..new_job() };
+        store.insert(&job, LIMITS).await.unwrap();
+        let lease = claim(&*store).await.unwrap();
+        store.finish(&lease, &succeeded(), Timestamp::now()).await.unwrap();
+        ids.push(job.id);
+    }
+    let now = Timestamp::now() + SignedDuration::from_secs(1);
+    let claimed = async |is_busy: &(dyn for<'a> Fn(&'a str, &'a str) -> bool + Sync)| {
+        let due = store.claim_callback(now, now + LEASE, is_busy).await.unwrap();
+        due.map(|due| due.job.id)
+    };
+    assert_eq!(claimed(&|_, host| host.starts_with("hangs")).await, Some(ids[3]));
+    assert_eq!(claimed(&|owner, _| owner == "one").await, Some(ids[2]));
+    assert_eq!(claimed(&|_, host| host == "hangs.example").await, None);
+    assert_eq!(claimed(&|_, _| false).await, Some(ids[0]));
+    assert_eq!(claimed(&|_, _| false).await, Some(ids[1]));
+    assert_eq!(claimed(&|_, _| false).await, None);
 }
 
 #[tokio::test]

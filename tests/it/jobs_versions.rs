@@ -14,7 +14,7 @@ use tempfile::TempDir;
 
 use crate::help::process::run;
 
-const LIMITS: QueueLimits = QueueLimits { jobs: 1000, bytes: 1 << 30, share_percent: 100 };
+const LIMITS: QueueLimits = QueueLimits { jobs: 1000, bytes: 1 << 30, share_percent: 100, storage_bytes: u64::MAX };
 
 /// When the first job came.
 const START_MS: i64 = 1_790_000_000_000;
@@ -91,7 +91,7 @@ async fn write(pool: &SqlitePool, step: i64, job: &Kept) {
     match step {
         1 => {}
         2 => write_second(pool, job).await,
-        3..=5 => {
+        3..=7 => {
             write_second(pool, job).await;
             write_third(pool, job).await;
         }
@@ -258,7 +258,7 @@ async fn tokens_keys_labels_and_webhooks_are_what_they_were() {
     let label = Some(("study".to_owned(), "liver".to_owned()));
     let query = ListQuery { owner: "one".to_owned(), label, limit: 100, ..ListQuery::default() };
     assert_eq!(store.list(&query).await.unwrap().len(), jobs.len());
-    assert_eq!(store.claim_callback(now, now).await.unwrap().unwrap().job.id, jobs[0].id);
+    assert_eq!(store.claim_callback(now, now, &|_, _| false).await.unwrap().unwrap().job.id, jobs[0].id);
     assert_eq!(get(&*store, jobs[3].id).await.callback.unwrap().state, CallbackState::Waiting);
 }
 

@@ -226,7 +226,7 @@ impl SmallDisk {
     fn fill(&self, left: u64) {
         let _ = std::fs::remove_file(self.0.join("filler"));
         let mut filler = std::fs::File::create(self.0.join("filler")).unwrap();
-        let free = medialrep::jobs::store::blobs::free_bytes(&self.0).unwrap();
+        let free = medialrep::jobs::store::blobs::room(&self.0).unwrap().free_bytes;
         let block = vec![1; 4096];
         for _ in 0..free.saturating_sub(left) / 4096 {
             if filler.write_all(&block).is_err() {
@@ -306,6 +306,52 @@ fn a_full_disk_is_told_at_every_write_and_harms_nothing() {
     assert!(refused > 0 && failed + waited > 0 && done > 0, "{refused} {failed} {waited} {done}");
     let checked = run(&["check", "--min-free-mib", "0"], &data);
     assert_eq!(checked.status.code(), Some(0), "{}", String::from_utf8_lossy(&checked.stdout));
+}
+
+#[test]
+fn uploads_whose_length_is_not_told_stop_at_the_watermark() {
+    let dir = TempDir::new().unwrap();
+    let Some(disk) = SmallDisk::mount(&dir.path().join("disk")) else {
+        return left_out("a small file system cannot be mounted here");
+    };
+    let service = Service::start(&disk.0.join("data"), &["--min-free-mib", "24"]);
+    // A gzip head, so that it is taken for a mask, and noise.
+    let mut noise: u32 = 1;
+    let mut chunk = vec![0; 1 << 20];
+    for byte in &mut chunk {
+        noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        *byte = noise.to_be_bytes()[0];
+    }
+    let upload = || {
+        let mut stream = TcpStream::connect(service.address).unwrap();
+        let _ = stream.write_all(
+            b"POST /v1/jobs HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\n2\r\n\x1f\x8b\r\n",
+        );
+        for _ in 0..32 {
+            let head = format!("{:x}\r\n", chunk.len());
+            let sent = [head.as_bytes(), &chunk[..], b"\r\n"].into_iter().try_for_each(|part| stream.write_all(part));
+            if sent.is_err() {
+                break;
+            }
+        }
+        let mut answer = [0; 512];
+        let count = stream.read(&mut answer).unwrap_or(0);
+        String::from_utf8_lossy(&answer[..count]).into_owned()
+    };
+    let least = std::thread::scope(|scope| {
+        let uploads: Vec<_> = (0..4).map(|_| scope.spawn(upload)).collect();
+        let mut least = u64::MAX;
+        while uploads.iter().any(|upload| !upload.is_finished()) {
+            least = least.min(medialrep::jobs::store::blobs::room(&disk.0).unwrap().free_bytes);
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        let answers: Vec<String> = uploads.into_iter().map(|upload| upload.join().unwrap()).collect();
+        assert!(answers.iter().any(|answer| answer.starts_with("HTTP/1.1 507")), "{answers:?}");
+        least
+    });
+    // Each may have written a mebibyte since it looked, and what it holds in its hands.
+    assert!(least >= 16 << 20, "{} MiB were left", least >> 20);
+    assert!(service.call("GET /livez", b"").0.starts_with("HTTP/1.1 200"));
 }
 
 #[test]

@@ -405,8 +405,8 @@ impl Blobs {
     ///
     /// # Errors
     /// When the file system does not say.
-    pub fn free_bytes(&self) -> io::Result<u64> {
-        free_bytes(&self.root)
+    pub fn room(&self) -> io::Result<Room> {
+        room(&self.root)
     }
 
     async fn put(&self, path: &Path, key: &Key) -> io::Result<()> {
@@ -490,9 +490,33 @@ impl StoredKey {
 ///
 /// # Errors
 /// When the file system does not say.
-pub fn free_bytes(folder: &Path) -> io::Result<u64> {
+pub fn room(folder: &Path) -> io::Result<Room> {
     let found = rustix::fs::statvfs(folder)?;
-    Ok(found.f_bavail.saturating_mul(found.f_frsize))
+    let bytes = |blocks: u64| blocks.saturating_mul(found.f_frsize);
+    // Some file systems do not count files.
+    let free_files = if found.f_files == 0 { 1.0 } else { found.f_favail as f64 / found.f_files as f64 };
+    Ok(Room { all_bytes: bytes(found.f_blocks), free_bytes: bytes(found.f_bavail), free_files })
+}
+
+/// What a file system has.
+#[derive(Clone, Copy, Debug)]
+pub struct Room {
+    /// In all.
+    pub all_bytes: u64,
+    /// Left for us.
+    pub free_bytes: u64,
+    /// Share of the files that it can have which are left.
+    pub free_files: f64,
+}
+
+impl Room {
+    /// Whether so many bytes are left, and a few files.
+    #[must_use]
+    pub fn has(&self, bytes: u64) -> bool {
+        /// A job has a dozen files and folders; with none left nothing can be erased in an orderly way either.
+        const FEW_FILES: f64 = 0.02;
+        self.free_bytes >= bytes && self.free_files >= FEW_FILES
+    }
 }
 
 fn mask_key(id: JobId) -> Key {

@@ -47,6 +47,9 @@ pub enum StoreError {
     /// This tenant has its share of the queue.
     #[error("the tenant's share of the queue is full")]
     ShareFull,
+    /// As much is kept of this tenant's files as may be.
+    #[error("the tenant's share of the storage is full")]
+    StorageShareFull,
     /// The idempotency key was used for another request.
     #[error("the idempotency key belongs to another request")]
     KeyReused,
@@ -173,6 +176,8 @@ pub struct QueueLimits {
     pub bytes: u64,
     /// How much of both one tenant may take, percent.
     pub share_percent: u8,
+    /// Bytes of files that may be kept of one tenant.
+    pub storage_bytes: u64,
 }
 
 impl QueueLimits {
@@ -189,6 +194,15 @@ impl QueueLimits {
             || u128::from(load.own_bytes.saturating_add(bytes)) > share(self.bytes);
         if is_over { Err(StoreError::ShareFull) } else { Ok(()) }
     }
+
+    /// Fails when so many bytes more would be too many beside what is kept of the tenant.
+    ///
+    /// # Errors
+    /// [`StoreError::StorageShareFull`].
+    pub fn check_storage(&self, load: &QueueLoad, bytes: u64) -> Result<(), StoreError> {
+        let is_over = load.kept_bytes.saturating_add(bytes) > self.storage_bytes;
+        if is_over { Err(StoreError::StorageShareFull) } else { Ok(()) }
+    }
 }
 
 /// What waits.
@@ -202,6 +216,8 @@ pub struct QueueLoad {
     pub own_jobs: u64,
     /// Bytes of its masks.
     pub own_bytes: u64,
+    /// Bytes of all files that are kept of it.
+    pub kept_bytes: u64,
 }
 
 impl QueueLoad {
@@ -213,6 +229,7 @@ impl QueueLoad {
             bytes: self.bytes.saturating_sub(bytes),
             own_jobs: self.own_jobs.saturating_sub(1),
             own_bytes: self.own_bytes.saturating_sub(bytes),
+            ..self
         }
     }
 }
@@ -365,6 +382,13 @@ pub struct DueCallback {
     pub tries: u32,
 }
 
+/// The host that a URL leads to, with its port.
+#[must_use]
+pub fn host_of(url: &str) -> &str {
+    let rest = url.split_once("://").map_or(url, |(_, rest)| rest);
+    rest.split(['/', '?', '#']).next().unwrap_or(rest)
+}
+
 /// How a job's webhook goes on after a try.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CallbackNext {
@@ -466,8 +490,14 @@ pub trait RetentionStore: Send + Sync {
 /// Webhooks under way.
 #[async_trait]
 pub trait CallbackStore: Send + Sync {
-    /// A webhook whose time has come, given to the caller until `until`.
-    async fn claim_callback(&self, now: Timestamp, until: Timestamp) -> Result<Option<DueCallback>, StoreError>;
+    /// The webhook whose time came first, of those of whose tenant and host `is_busy` does not hold, given to the caller until `until`.
+    /// However many wait of one tenant for one host, one of them is looked at.
+    async fn claim_callback(
+        &self,
+        now: Timestamp,
+        until: Timestamp,
+        is_busy: &(dyn for<'a> Fn(&'a str, &'a str) -> bool + Sync),
+    ) -> Result<Option<DueCallback>, StoreError>;
 
     /// Writes what came of a try.
     async fn callback_tried(&self, id: JobId, tried: &CallbackTry, next: CallbackNext) -> Result<(), StoreError>;

@@ -7,23 +7,24 @@ use sqlx::Row;
 
 use super::{SqliteStore, rows, statements};
 use crate::jobs::job::{CallbackState, CallbackTry, JobId};
-use crate::jobs::store::{CallbackNext, CallbackStore, DueCallback, StoreError};
+use crate::jobs::store::{CallbackNext, CallbackStore, DueCallback, StoreError, host_of};
 
 #[async_trait]
 impl CallbackStore for SqliteStore {
-    async fn claim_callback(&self, now: Timestamp, until: Timestamp) -> Result<Option<DueCallback>, StoreError> {
+    async fn claim_callback(
+        &self,
+        now: Timestamp,
+        until: Timestamp,
+        is_busy: &(dyn for<'a> Fn(&'a str, &'a str) -> bool + Sync),
+    ) -> Result<Option<DueCallback>, StoreError> {
         // Looked for by a reader first: most of the time there is none, and a write would lock.
-        let Some(row) =
-            sqlx::query(statements::DUE_CALLBACK).bind(now.as_millisecond()).fetch_optional(&self.reader).await?
-        else {
-            return Ok(None);
-        };
+        let Some(id) = self.first_due(now, is_busy).await? else { return Ok(None) };
         let claimed = sqlx::query(
             "UPDATE jobs SET callback_due_ms = $1
              WHERE id = $2 AND callback_state = 'due' AND callback_due_ms <= $3 RETURNING *",
         )
         .bind(until.as_millisecond())
-        .bind(row.try_get::<String, _>("id")?)
+        .bind(id)
         .bind(now.as_millisecond());
         let Some(row) = self.change(claimed).await? else { return Ok(None) };
         let job = rows::job(&row)?;
@@ -52,5 +53,27 @@ impl CallbackStore for SqliteStore {
         .execute(&self.writer)
         .await?;
         Ok(())
+    }
+}
+
+impl SqliteStore {
+    /// The webhook that is due first, lane by lane.
+    async fn first_due(
+        &self,
+        now: Timestamp,
+        is_busy: &(dyn for<'a> Fn(&'a str, &'a str) -> bool + Sync),
+    ) -> Result<Option<String>, StoreError> {
+        let (mut lane, mut first) = (String::new(), None);
+        let mut reads = self.reader.acquire().await?;
+        while let Some(row) = sqlx::query(statements::NEXT_CALLBACK).bind(&lane).fetch_optional(&mut *reads).await? {
+            lane = row.try_get("callback_lane")?;
+            let due: i64 = row.try_get("callback_due_ms")?;
+            let (owner, url): (String, String) = (row.try_get("owner")?, row.try_get("callback_url")?);
+            let is_first = first.as_ref().is_none_or(|(other, _)| due < *other);
+            if due <= now.as_millisecond() && is_first && !is_busy(&owner, host_of(&url)) {
+                first = Some((due, row.try_get("id")?));
+            }
+        }
+        Ok(first.map(|(_, id)| id))
     }
 }

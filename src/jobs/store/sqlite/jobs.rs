@@ -10,7 +10,7 @@ use crate::jobs::job::{Job, JobId, JobState, ResultFile};
 use crate::jobs::moves::Cause;
 use crate::jobs::store::sql::{self, MoveSql};
 use crate::jobs::store::{
-    CancelAnswer, Inserted, JobStore, ListQuery, NewJob, QueueLimits, RetryAnswer, Reused, StoreError, turn_ms,
+    CancelAnswer, Inserted, JobStore, ListQuery, NewJob, QueueLimits, RetryAnswer, Reused, StoreError, host_of, turn_ms,
 };
 
 #[async_trait]
@@ -20,9 +20,12 @@ impl JobStore for SqliteStore {
         if let Some(known) = known(&mut transaction, job).await? {
             return Ok(Inserted::Known(known));
         }
+        let load = load(&mut *transaction, &job.owner).await?;
+        let reused_bytes = job.reused.iter().flat_map(|reused| &reused.results).map(|file| file.bytes).sum();
+        limits.check_storage(&load, job.mask.bytes.saturating_add(reused_bytes))?;
         match &job.reused {
             None => {
-                limits.check(&load(&mut *transaction, &job.owner).await?, job.mask.bytes)?;
+                limits.check(&load, job.mask.bytes)?;
                 insert_queued(&mut transaction, job).await?;
             }
             Some(reused) => insert_succeeded(&mut transaction, job, reused).await?,
@@ -125,9 +128,10 @@ impl JobStore for SqliteStore {
         };
         if !job.has_result(&file.name) {
             job.results.push(file.clone());
-            sqlx::query("UPDATE jobs SET results = $1 WHERE id = $2")
+            sqlx::query("UPDATE jobs SET results = $1, results_bytes = $3 WHERE id = $2")
                 .bind(rows::to_json(&job.results))
                 .bind(id.to_string())
+                .bind(rows::bytes_of(&job.results))
                 .execute(&mut *transaction)
                 .await?;
         }
@@ -189,9 +193,10 @@ async fn insert_queued(transaction: &mut Transaction<'_, Sqlite>, job: &NewJob) 
     sqlx::query(
         "INSERT INTO jobs (id, state, owner, labels, idempotency_key, request_sha256, mask_sha256, mask_bytes, params,
                            attempt, cancel_requested, created_at_ms, turn_ms, history, trace_id, callback_url,
-                           callback_state, work_sha256, lane, expected_ms, warnings, results)
+                           callback_state, callback_lane, work_sha256, lane, expected_ms, warnings,
+                           results)
          VALUES ($1, $14, $2, $3, $4, $5, $6, $7, $8, 0, 0, $9, $10, ' ' || $14 || '@' || CAST($9 AS TEXT), $11, $12,
-                 CASE WHEN $12 IS NULL THEN NULL ELSE 'waiting' END, $13, $15, $16, '[]', '[]')",
+                 CASE WHEN $12 IS NULL THEN NULL ELSE 'waiting' END, $17, $13, $15, $16, '[]', '[]')",
     )
     .bind(job.id.to_string())
     .bind(&job.owner)
@@ -209,6 +214,7 @@ async fn insert_queued(transaction: &mut Transaction<'_, Sqlite>, job: &NewJob) 
     .bind(JobState::FIRST.name())
     .bind(job.lane())
     .bind(job.expected_ms())
+    .bind(job.callback_url.as_ref().map(|url| format!("{} {}", job.owner, host_of(url))))
     .execute(&mut **transaction)
     .await?;
     Ok(())
@@ -223,7 +229,7 @@ async fn insert_succeeded(
     insert_queued(transaction, job).await?;
     let MoveSql { set, from } = sql::moves(Cause::Reuse);
     sqlx::query(AssertSqlSafe(format!(
-        "UPDATE jobs SET {set}, reused = 1, results = $3, warnings = $4, results_token = $5, program = $6,
+        "UPDATE jobs SET {set}, reused = 1, results = $3, warnings = $4, results_token = $5, program = $6, results_bytes = $7,
             started_at_ms = created_at_ms
          WHERE id = $2 AND {from}"
     )))
@@ -233,6 +239,7 @@ async fn insert_succeeded(
     .bind(rows::to_json(&reused.warnings))
     .bind(&reused.token)
     .bind(&reused.program)
+    .bind(rows::bytes_of(&reused.results))
     .execute(&mut **transaction)
     .await?;
     Ok(())

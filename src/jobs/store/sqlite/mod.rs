@@ -124,6 +124,8 @@ fn migrator() -> Migrator {
         migration(3, "service", include_str!("../../../../migrations/sqlite/0003_service.sql")),
         migration(4, "suspects", include_str!("../../../../migrations/sqlite/0004_suspects.sql")),
         migration(5, "order", include_str!("../../../../migrations/sqlite/0005_order.sql")),
+        migration(6, "callbacks", include_str!("../../../../migrations/sqlite/0006_callbacks.sql")),
+        migration(7, "storage", include_str!("../../../../migrations/sqlite/0007_storage.sql")),
     ])
 }
 

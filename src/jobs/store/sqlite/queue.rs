@@ -105,7 +105,7 @@ impl QueueStore for SqliteStore {
         let ended = Ended::from(outcome);
         let MoveSql { set, from } = sql::moves(outcome.cause());
         let written = sqlx::query(AssertSqlSafe(format!(
-            "UPDATE jobs SET {set}, error = $4, warnings = $5, results = $6, program = $7, results_token = $8,
+            "UPDATE jobs SET {set}, error = $4, warnings = $5, results = $6, program = $7, results_token = $8, results_bytes = $9,
                 {WITHOUT_LEASE}
              WHERE id = $2 AND lease_token = $3 AND {from}"
         )))
@@ -117,6 +117,7 @@ impl QueueStore for SqliteStore {
         .bind(rows::to_json(&ended.results))
         .bind(ended.program)
         .bind(matches!(outcome, Outcome::Succeeded { .. }).then_some(&lease.token))
+        .bind(rows::bytes_of(ended.results))
         .execute(&self.writer)
         .await?;
         is_held(written.rows_affected())
@@ -175,6 +176,7 @@ pub(super) async fn load<'a>(
         bytes: rows::count(&row, 1)?,
         own_jobs: rows::count(&row, 2)?,
         own_bytes: rows::count(&row, 3)?,
+        kept_bytes: rows::count(&row, 4)?,
     })
 }
 

@@ -6,7 +6,7 @@ use serde::de::DeserializeOwned;
 use sqlx::Row;
 use sqlx::sqlite::SqliteRow;
 
-use crate::jobs::job::{Callback, CallbackState, Change, Job, JobId, JobState, MaskInfo};
+use crate::jobs::job::{Callback, CallbackState, Change, Job, JobId, JobState, MaskInfo, ResultFile};
 use crate::jobs::store::StoreError;
 
 pub(super) fn job(row: &SqliteRow) -> Result<Job, StoreError> {
@@ -94,4 +94,9 @@ pub(super) fn to_json<T: Serialize>(value: &T) -> String {
 /// SQL has signed integers only; no size or count comes near their end.
 pub(super) fn clamped(count: u64) -> i64 {
     i64::try_from(count).unwrap_or(i64::MAX)
+}
+
+/// Bytes of files together.
+pub(super) fn bytes_of(files: &[ResultFile]) -> i64 {
+    clamped(files.iter().map(|file| file.bytes).sum())
 }

@@ -5,7 +5,8 @@ pub(super) const FIRST: &str = "SELECT id FROM jobs WHERE state = 'queued' ORDER
 
 /// What waits, of all and of one tenant.
 pub(super) const LOAD: &str = "SELECT count(*), coalesce(sum(mask_bytes), 0), count(CASE WHEN owner = $1 THEN 1 END),
-            coalesce(sum(CASE WHEN owner = $1 THEN mask_bytes END), 0)
+            coalesce(sum(CASE WHEN owner = $1 THEN mask_bytes END), 0),
+            coalesce((SELECT bytes FROM storage WHERE owner = $1), 0)
      FROM jobs WHERE state = 'queued'";
 
 /// The job that has waited longest.
@@ -38,9 +39,9 @@ pub(super) const EXPIRE_RESULTS: &str = "UPDATE jobs SET results_kept = 0 WHERE 
 /// Jobs that are due.
 pub(super) const EXPIRE_JOBS: &str = "DELETE FROM jobs WHERE id IN (SELECT id FROM jobs WHERE ended_at_ms < $1 ORDER BY ended_at_ms LIMIT $2) RETURNING id";
 
-/// The webhook that is due first.
-pub(super) const DUE_CALLBACK: &str =
-    "SELECT id FROM jobs WHERE callback_state = 'due' AND callback_due_ms <= $1 ORDER BY callback_due_ms LIMIT 1";
+/// The webhook that is due first in the next lane: of the next tenant, or to its next host.
+pub(super) const NEXT_CALLBACK: &str = "SELECT id, owner, callback_url, callback_lane, callback_due_ms FROM jobs
+     WHERE callback_state = 'due' AND callback_lane > $1 ORDER BY callback_lane, callback_due_ms LIMIT 1";
 
 /// A tenant's jobs, newest first: of `$1` before `$3`, in state `$2`, with label `$4` of value `$5`, `$6` at the most.
 pub(super) fn list(has_label: bool, has_state: bool) -> String {
@@ -88,7 +89,7 @@ mod tests {
             (EXPIRE_MASKS, "jobs_by_end_of_mask"),
             (EXPIRE_RESULTS, "jobs_by_end_of_results"),
             (EXPIRE_JOBS, "jobs_by_end"),
-            (DUE_CALLBACK, "jobs_by_callback"),
+            (NEXT_CALLBACK, "jobs_by_callback"),
             (&*lists[0], "jobs_by_owner"),
             (&*lists[1], "jobs_by_owner_and_state"),
             (&*lists[2], "PRIMARY KEY"),
