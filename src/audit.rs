@@ -49,6 +49,8 @@ pub enum Action {
     TokenCreated,
     /// A token was taken back.
     TokenRevoked,
+    /// Jobs that nobody owned were given to a tenant.
+    Adopted,
     /// Someone was turned away.
     Denied,
     /// The service started.

@@ -24,14 +24,48 @@ pub enum TokenCommand {
     List(DataArgs),
     /// Revoke a token; the next request with it is refused
     Revoke(RevokeArgs),
+    /// Give a tenant the jobs that were sent before there was a token: nobody sees them otherwise
+    Adopt(AdoptArgs),
 }
 
 /// Where the tokens are.
 #[derive(Debug, clap::Args)]
 pub struct DataArgs {
-    /// The service's data directory.
-    #[arg(long, env = "MEDIALREP_DATA_DIR", default_value = "data", value_name = "DIR")]
-    data_dir: PathBuf,
+    /// The service's data directory, made when it is not there [default: data, which is not made]
+    #[arg(long, env = "MEDIALREP_DATA_DIR", value_name = "DIR")]
+    data_dir: Option<PathBuf>,
+}
+
+/// Where a service keeps its data that is started without a word about it.
+const DEFAULT_DATA_DIR: &str = "data";
+
+impl DataArgs {
+    /// The folder, which is told; none where nobody named one and none is there: a token for a service that does not exist
+    /// would let nobody in.
+    fn folder(&self) -> Option<PathBuf> {
+        let folder = self.data_dir.clone().unwrap_or_else(|| DEFAULT_DATA_DIR.into());
+        let shown = std::path::absolute(&folder).unwrap_or_else(|_| folder.clone());
+        if self.data_dir.is_none() && !Place::at(&folder).is_used() {
+            complain(&format!(
+                "there is no data directory at {}; name that of the service with --data-dir",
+                shown.display()
+            ));
+            return None;
+        }
+        complain(&format!("data directory {}", shown.display()));
+        Some(folder)
+    }
+}
+
+/// Who gets what nobody owns.
+#[derive(Debug, clap::Args)]
+pub struct AdoptArgs {
+    #[command(flatten)]
+    data: DataArgs,
+
+    /// Whose they are from now on.
+    #[arg(long, value_name = "NAME", value_parser = check_tenant)]
+    tenant: String,
 }
 
 /// A token to be made.
@@ -70,11 +104,19 @@ pub struct RevokeArgs {
 /// When the data directory cannot be used.
 pub fn token(command: TokenCommand) -> anyhow::Result<ExitCode> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let data = match &command {
+        TokenCommand::Create(args) => &args.data,
+        TokenCommand::List(args) => args,
+        TokenCommand::Revoke(args) => &args.data,
+        TokenCommand::Adopt(args) => &args.data,
+    };
+    let Some(folder) = data.folder() else { return Ok(ExitCode::from(exit::USAGE)) };
     runtime.block_on(async {
         match command {
-            TokenCommand::Create(args) => create(args).await,
-            TokenCommand::List(args) => list(&args.data_dir).await,
-            TokenCommand::Revoke(args) => revoke(&args).await,
+            TokenCommand::Create(args) => create(args, &folder).await,
+            TokenCommand::List(_) => list(&folder).await,
+            TokenCommand::Revoke(args) => revoke(&args.id, &folder).await,
+            TokenCommand::Adopt(args) => adopt(&args.tenant, &folder).await,
         }
     })
 }
@@ -93,14 +135,20 @@ async fn open(data_dir: &Path) -> anyhow::Result<Arc<dyn Store>> {
     place.open_store().await.with_context(|| format!("cannot use {place}"))
 }
 
-async fn create(args: CreateArgs) -> anyhow::Result<ExitCode> {
-    let store = open(&args.data.data_dir).await?;
+async fn create(args: CreateArgs, folder: &Path) -> anyhow::Result<ExitCode> {
+    let store = open(folder).await?;
     let token = Token::new().map_err(|error| anyhow::anyhow!("no random numbers: {error}"))?;
     let expires_at = args.expires_in.map(|time| Timestamp::now().checked_add(time)).transpose()?;
     let stored = token.stored(args.tenant, args.scopes, expires_at);
     store.insert_token(&stored).await?;
-    record(&args.data.data_dir, Action::TokenCreated, &stored)?;
+    record(folder, Action::TokenCreated, &stored)?;
     print(&token.reveal());
+    if store.has_jobs_of("").await? {
+        complain(&format!(
+            "jobs that were sent before there was a token are hidden now: medialrep token adopt --tenant {} shows them to it",
+            stored.tenant
+        ));
+    }
     Ok(ExitCode::SUCCESS)
 }
 
@@ -118,14 +166,24 @@ async fn list(data_dir: &Path) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-async fn revoke(args: &RevokeArgs) -> anyhow::Result<ExitCode> {
-    let store = open(&args.data.data_dir).await?;
-    if !store.revoke_token(&args.id, Timestamp::now()).await? {
+async fn adopt(tenant: &str, folder: &Path) -> anyhow::Result<ExitCode> {
+    let count = open(folder).await?.adopt_jobs(tenant).await?;
+    let outcome = if count == 0 { "none" } else { "ok" };
+    let entry =
+        Entry { tenant: Some(tenant), token: None, action: Action::Adopted, job: None, outcome, trace_id: None };
+    Place::at(folder).open_audit()?.append(&entry).context("cannot write the audit log")?;
+    print(&format!("{count} jobs belong to {tenant} now"));
+    Ok(ExitCode::SUCCESS)
+}
+
+async fn revoke(id: &str, folder: &Path) -> anyhow::Result<ExitCode> {
+    let store = open(folder).await?;
+    if !store.revoke_token(id, Timestamp::now()).await? {
         complain("there is no valid token of this id; see medialrep token list");
         return Ok(ExitCode::from(exit::USAGE));
     }
-    if let Some(stored) = store.get_token(&args.id).await? {
-        record(&args.data.data_dir, Action::TokenRevoked, &stored)?;
+    if let Some(stored) = store.get_token(id).await? {
+        record(folder, Action::TokenRevoked, &stored)?;
     }
     Ok(ExitCode::SUCCESS)
 }

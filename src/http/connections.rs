@@ -13,6 +13,7 @@ use std::task::{Context, Poll};
 use std::time::Duration;
 
 use axum::body::Body;
+use axum::http::StatusCode;
 use hyper::body::{Bytes, Frame, SizeHint};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
@@ -20,7 +21,9 @@ use tokio::sync::Notify;
 use tokio::time::{Instant, Sleep, sleep_until, timeout};
 use tokio_util::sync::CancellationToken;
 
+use super::error::PROBLEM_JSON;
 use crate::config::ConnectionLimits;
+use crate::problem::Problem;
 
 /// Time without a byte in either direction, and without an answer that is being made, after which a connection may lose its place.
 const GIVES_WAY_AFTER: Duration = Duration::from_secs(1);
@@ -179,6 +182,37 @@ impl<T: Send + Unpin + 'static> hyper::body::Body for Held<T> {
     }
 }
 
+/// What the HTTP library says by itself to a request whose head it cannot read begins so; our answers have more headers.
+const BARE_REFUSAL: &[u8] = b"HTTP/1.1 4";
+
+/// What is said instead of such an answer, which has no body: the library lets nobody else answer.
+fn explained(bare: &[u8]) -> Option<Vec<u8>> {
+    let text = std::str::from_utf8(bare.strip_prefix(BARE_REFUSAL)?).ok()?.to_ascii_lowercase();
+    let is_bare = text.contains("content-length: 0\r\n") && text.ends_with("\r\n\r\n");
+    if !is_bare || text.contains("x-content-type-options") {
+        return None;
+    }
+    let (status, code, detail, hint) = match text.get(..2)? {
+        "14" => (414, "uri_too_long", "the address is too long", "send parameters as a part of a form"),
+        "31" => (431, "headers_too_large", "the headers are too large", "send fewer or shorter headers"),
+        _ => (
+            400,
+            "malformed_request",
+            "the head of the request is malformed",
+            "percent-encode what is not allowed in an address: quotes as %22, spaces as %20",
+        ),
+    };
+    let problem = Problem::new(status, code, detail).hint(hint);
+    let body = serde_json::to_string(&problem).ok()?;
+    let head = format!(
+        "HTTP/1.1 {status} {}\r\ncontent-type: {PROBLEM_JSON}\r\ncontent-length: {}\r\nconnection: close\r\n\
+         x-content-type-options: nosniff\r\n\r\n",
+        StatusCode::from_u16(status).ok()?.canonical_reason().unwrap_or_default(),
+        body.len()
+    );
+    Some([head.as_bytes(), body.as_bytes()].concat())
+}
+
 /// A stream that is closed when what is written to it is taken too slowly.
 #[derive(Debug)]
 pub(super) struct Watched {
@@ -196,6 +230,16 @@ impl Watched {
     pub fn new(stream: TcpStream, open: Arc<Open>) -> Self {
         let alarm = Box::pin(sleep_until(Instant::now()));
         Self { stream, open, stalled_since: None, stalled: Duration::ZERO, taken: 0, alarm }
+    }
+
+    /// Writes something better than a refusal without a word, if this is one: then it need not be written.
+    fn explain_refusal(&self, bytes: &[u8]) -> bool {
+        if self.open.answering.load(Ordering::Relaxed) > 0 {
+            return false;
+        }
+        let Some(explained) = explained(bytes) else { return false };
+        // It is short, and the last thing that is written: room for it is there, or nobody reads.
+        self.stream.try_write(&explained).is_ok()
     }
 
     /// Judges a write. Only time in which the other side takes nothing counts, so that one that is served slowly is not closed.
@@ -255,6 +299,9 @@ impl AsyncRead for Watched {
 
 impl AsyncWrite for Watched {
     fn poll_write(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buffer: &[u8]) -> Poll<io::Result<usize>> {
+        if self.explain_refusal(buffer) {
+            return Poll::Ready(Ok(buffer.len()));
+        }
         let written = Pin::new(&mut self.stream).poll_write(cx, buffer);
         self.judge(cx, written)
     }
@@ -264,6 +311,11 @@ impl AsyncWrite for Watched {
         cx: &mut Context<'_>,
         buffers: &[io::IoSlice<'_>],
     ) -> Poll<io::Result<usize>> {
+        if let [only] = buffers
+            && self.explain_refusal(only)
+        {
+            return Poll::Ready(Ok(only.len()));
+        }
         let written = Pin::new(&mut self.stream).poll_write_vectored(cx, buffers);
         self.judge(cx, written)
     }

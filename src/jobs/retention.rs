@@ -33,6 +33,7 @@ pub(super) async fn keep(jobs: Arc<Jobs>) {
         if let Err(error) = erase_due(&jobs).await {
             tracing::error!(%error, "what is due cannot be erased");
         }
+        jobs.wipe_deleted().await;
         if swept.elapsed() >= SWEEP {
             swept = Instant::now();
             match jobs.sweep_old().await {
@@ -86,6 +87,9 @@ async fn erase_due(jobs: &Jobs) -> Result<(), JobsError> {
     for (what, time) in [(What::Jobs, keep.jobs), (What::Results, keep.results), (What::Masks, keep.masks)] {
         while let Some(before) = time.and_then(|time| now.checked_sub(time).ok()) {
             let due = what.mark(jobs, before).await?;
+            if !due.is_empty() {
+                jobs.note_deleted();
+            }
             tell(jobs, what.name(), &due).await;
             for id in &due {
                 what.erase(jobs, *id).await?;

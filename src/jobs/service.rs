@@ -2,7 +2,7 @@
 
 use std::io;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
 
 use jiff::Timestamp;
@@ -55,6 +55,8 @@ pub struct Jobs {
     wake_callbacks: Notify,
     workers_alive: AtomicUsize,
     requests: Arc<OpenRequests>,
+    /// Whether rows were deleted of which something may be left.
+    is_to_wipe: AtomicBool,
     /// Lists of each tenant.
     lists: InTurn,
     closing: CancellationToken,
@@ -88,6 +90,7 @@ impl Jobs {
             wake_callbacks: Notify::new(),
             workers_alive: AtomicUsize::new(0),
             requests: Arc::default(),
+            is_to_wipe: AtomicBool::new(true),
             lists: InTurn::default(),
             closing: CancellationToken::new(),
             audit: Arc::new(audit),
@@ -283,6 +286,7 @@ impl Jobs {
         if !self.store.delete(id).await? {
             return Err(JobsError::NotFound);
         }
+        self.note_deleted();
         if let Some(running) = self.running.get(id) {
             running.stop();
             // A run that does not stop in time erases its own files when it ends.
@@ -293,6 +297,26 @@ impl Jobs {
         self.record(caller, Action::Delete, Some(id), "erased").await;
         self.changes.state(id);
         Ok(())
+    }
+
+    /// Rows were deleted: what is left of them is wiped soon.
+    pub(super) fn note_deleted(&self) {
+        self.is_to_wipe.store(true, Ordering::Relaxed);
+    }
+
+    /// Wipes what is left of deleted rows; where readers hold it back, the next time.
+    pub(super) async fn wipe_deleted(&self) {
+        if !self.is_to_wipe.swap(false, Ordering::Relaxed) {
+            return;
+        }
+        match self.store.wipe_deleted().await {
+            Ok(true) => {}
+            Ok(false) => self.note_deleted(),
+            Err(error) => {
+                self.note_deleted();
+                tracing::warn!(%error, "what is left of deleted rows cannot be wiped");
+            }
+        }
     }
 
     /// Names what keeps the service from doing its work; empty when nothing does. It costs nothing to ask, however often.

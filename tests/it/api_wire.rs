@@ -212,3 +212,20 @@ async fn idle_clients_lose_their_places_and_those_whose_answer_is_made_do_not() 
     assert_eq!(are_live, [true; 2]);
     assert!(told.starts_with(b"HTTP/1.1 200"), "{}", String::from_utf8_lossy(&told));
 }
+
+#[tokio::test]
+async fn a_request_that_cannot_be_read_is_answered_with_a_problem() {
+    let wire = serve(writes()).await;
+    let long = "a".repeat(200_000);
+    for (head, code) in [
+        ("GET /v1/jobs?label=\"a\" HTTP/1.1\r\nHost: localhost\r\n\r\n".to_owned(), "malformed_request"),
+        ("GET /livez HTTP/1.1\r\nHost localhost\r\n\r\n".to_owned(), "malformed_request"),
+        (format!("GET /livez HTTP/1.1\r\nHost: localhost\r\nX: {long}\r\n\r\n"), "headers_too_large"),
+    ] {
+        let answer = wire.talk(&[head.as_bytes()]).await;
+        let (head, body) = answer.split_once("\r\n\r\n").unwrap();
+        assert!(head.starts_with("HTTP/1.1 4") && head.contains("application/problem+json"), "{code}: {answer}");
+        let problem: serde_json::Value = serde_json::from_str(body).unwrap();
+        assert_eq!(problem["code"], code);
+    }
+}

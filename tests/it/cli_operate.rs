@@ -53,6 +53,67 @@ fn tokens_are_made_shown_once_listed_and_revoked() {
 }
 
 #[test]
+fn jobs_from_before_the_first_token_are_given_to_a_tenant() {
+    let dir = TempDir::new().unwrap();
+    let (data, mask) = (dir.path().join("data"), sample(dir.path()));
+    let service = Service::start(&data, &[]);
+    let early = service.submit(&mask);
+    service.ended(&early);
+    let made = run(&["token", "create", "--tenant", "radiology"], &data);
+    let told = String::from_utf8_lossy(&made.stderr).into_owned();
+    assert!(told.contains("token adopt --tenant radiology"), "{told}");
+    let service = service.with_token(&text(&made));
+    assert!(service.call(&format!("GET {early}"), b"").0.starts_with("HTTP/1.1 404"));
+    let adopted = run(&["token", "adopt", "--tenant", "radiology"], &data);
+    assert_eq!(text(&adopted), "1 jobs belong to radiology now\n");
+    assert!(service.call(&format!("GET {early}"), b"").0.starts_with("HTTP/1.1 200"));
+    assert_eq!(service.json("GET /v1/jobs")["jobs"].as_array().unwrap().len(), 1);
+    assert!(std::fs::read_to_string(data.join("audit/audit.jsonl")).unwrap().contains("adopted"));
+}
+
+#[test]
+fn tokens_are_not_made_for_a_service_that_is_not_there() {
+    let dir = TempDir::new().unwrap();
+    let create = || {
+        let mut command = std::process::Command::new(PROGRAM);
+        command.args(["token", "create", "--tenant", "a"]).current_dir(dir.path()).env_remove("MEDIALREP_DATA_DIR");
+        command.output().unwrap()
+    };
+    let refused = create();
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("--data-dir"), "{refused:?}");
+    assert!(!dir.path().join("data").exists());
+    // Named, it is made: that is how a service gets its token before its first start.
+    assert!(run(&["token", "create", "--tenant", "a"], &dir.path().join("data")).status.success());
+    let made = create();
+    assert!(made.status.success() && String::from_utf8_lossy(&made.stderr).contains("/data"), "{made:?}");
+}
+
+#[test]
+fn what_a_deleted_job_said_is_gone_from_the_database_within_seconds() {
+    let dir = TempDir::new().unwrap();
+    let (data, mask) = (dir.path().join("data"), sample(dir.path()));
+    let service = Service::start(&data, &[]);
+    let label = "%7B%22patient%22%3A%22CANARYOFALABEL%22%7D";
+    let (_, body) = service.call(&format!("POST /v1/jobs?labels={label}"), &mask);
+    let job = serde_json::from_str::<Value>(&body).unwrap()["links"]["self"].as_str().unwrap().to_owned();
+    service.ended(&job);
+    let is_there = || {
+        ["db/jobs.sqlite", "db/jobs.sqlite-wal"].iter().any(|file| {
+            let bytes = std::fs::read(data.join(file)).unwrap_or_default();
+            bytes.windows(14).any(|window| window == b"CANARYOFALABEL")
+        })
+    };
+    assert!(is_there());
+    assert!(service.call(&format!("DELETE {job}"), b"").0.starts_with("HTTP/1.1 204"));
+    let deadline = std::time::Instant::now() + std::time::Duration::from_secs(15);
+    while is_there() {
+        assert!(std::time::Instant::now() < deadline, "still there");
+        std::thread::sleep(std::time::Duration::from_millis(100));
+    }
+}
+
+#[test]
 fn with_a_token_the_service_listens_beyond_the_loopback() {
     let dir = TempDir::new().unwrap();
     run(&["token", "create", "--tenant", "radiology"], dir.path());

@@ -430,6 +430,12 @@ pub trait JobStore: Send + Sync {
     /// `false` when the job is gone, or its results are.
     async fn add_result(&self, id: JobId, token: &str, file: &ResultFile) -> Result<bool, StoreError>;
 
+    /// Whether a tenant has a job.
+    async fn has_jobs_of(&self, owner: &str) -> Result<bool, StoreError>;
+
+    /// Gives a tenant all jobs that nobody owns; says how many. Where it used their idempotency key itself, they lose theirs.
+    async fn adopt_jobs(&self, owner: &str) -> Result<u64, StoreError>;
+
     /// Forgets a job, running or not; `false` when there is none.
     async fn delete(&self, id: JobId) -> Result<bool, StoreError>;
 }
@@ -533,6 +539,9 @@ pub trait Store: JobStore + QueueStore + RetentionStore + CallbackStore + TokenS
 
     /// What the store finds wrong with itself; empty when nothing is.
     async fn check_integrity(&self) -> Result<Vec<String>, StoreError>;
+
+    /// Takes away what is left of deleted rows outside of the tables; `false` when others hold it back at the moment.
+    async fn wipe_deleted(&self) -> Result<bool, StoreError>;
 
     /// Writes a copy of all of it as it is now to a file that is not there yet; others may write meanwhile.
     async fn copy_to(&self, file: &Path) -> Result<(), StoreError>;

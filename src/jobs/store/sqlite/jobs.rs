@@ -139,6 +139,26 @@ impl JobStore for SqliteStore {
         Ok(true)
     }
 
+    async fn has_jobs_of(&self, owner: &str) -> Result<bool, StoreError> {
+        let found = sqlx::query("SELECT 1 FROM jobs WHERE owner = $1 LIMIT 1").bind(owner);
+        Ok(found.fetch_optional(&self.reader).await?.is_some())
+    }
+
+    async fn adopt_jobs(&self, owner: &str) -> Result<u64, StoreError> {
+        let mut transaction = self.write().await?;
+        for statement in [
+            "UPDATE jobs SET idempotency_key = NULL WHERE owner = '' AND idempotency_key IN
+                (SELECT idempotency_key FROM jobs WHERE owner = $1)",
+            "UPDATE jobs_by_label SET owner = $1 WHERE owner = ''",
+        ] {
+            sqlx::query(statement).bind(owner).execute(&mut *transaction).await?;
+        }
+        let adopted =
+            sqlx::query("UPDATE jobs SET owner = $1 WHERE owner = ''").bind(owner).execute(&mut *transaction).await?;
+        transaction.commit().await?;
+        Ok(adopted.rows_affected())
+    }
+
     async fn delete(&self, id: JobId) -> Result<bool, StoreError> {
         let mut transaction = self.write().await?;
         let labels = sqlx::query("DELETE FROM job_labels WHERE job_id = $1").bind(id.to_string());

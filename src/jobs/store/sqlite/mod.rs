@@ -33,7 +33,7 @@ use sqlx::sqlite::{
     SqliteArguments, SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteRow,
     SqliteSynchronous,
 };
-use sqlx::{Connection, Row, SqlSafeStr, Sqlite, Transaction};
+use sqlx::{Connection, Row, SqlSafeStr, Sqlite, SqliteConnection, Transaction};
 
 use super::{Store, StoreError};
 
@@ -41,6 +41,9 @@ use super::{Store, StoreError};
 const READ_CONNECTIONS: u32 = 4;
 /// How long a connection waits for a lock that another process, a backup or a checkpoint holds.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// How long the wiping of deleted rows waits for readers.
+const WIPE_TIMEOUT: Duration = Duration::from_millis(200);
 
 /// Jobs in a SQLite file.
 #[derive(Clone, Debug)]
@@ -157,6 +160,18 @@ impl Store for SqliteStore {
             }
         }
         Ok(found)
+    }
+
+    async fn wipe_deleted(&self) -> Result<bool, StoreError> {
+        // The log that goes before the tables holds rows as they were until it begins anew. A connection of its own: waiting for
+        // readers would make all writers wait.
+        let mut options = self.writer.connect_options().as_ref().clone();
+        options = options.busy_timeout(WIPE_TIMEOUT);
+        let mut connection = SqliteConnection::connect_with(&options).await?;
+        let row = sqlx::query("PRAGMA wal_checkpoint(TRUNCATE)").fetch_one(&mut connection).await?;
+        let is_busy: i64 = row.try_get(0)?;
+        connection.close().await?;
+        Ok(is_busy == 0)
     }
 
     async fn copy_to(&self, file: &Path) -> Result<(), StoreError> {
