@@ -104,6 +104,26 @@ struct Link {
     after: Option<String>,
 }
 
+/// An entry, by its number and its hash; 0 and zeros for none.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Mark {
+    /// Its number.
+    pub seq: u64,
+    /// Its hash.
+    pub hash: String,
+}
+
+/// Where a log begins and ends.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Ends {
+    /// The entry before its first one.
+    pub head: Mark,
+    /// Its last entry.
+    pub tip: Mark,
+    /// Whether what was before it is known to be whole: this process saw the file renamed, or one beside it ends there.
+    pub is_continued: bool,
+}
+
 /// An audit log that is open for appending.
 #[derive(Debug)]
 pub struct Audit {
@@ -118,7 +138,8 @@ impl Audit {
     /// # Errors
     /// When the file cannot be made, locked, read or written.
     pub fn open(path: &Path) -> io::Result<Self> {
-        let chain = Mutex::new(Chain { file: open_file(path)?, len: 0, tip: Tip::default() });
+        let chain = Chain { file: open_file(path)?, len: 0, tip: Tip::default(), saw_rename: false };
+        let chain = Mutex::new(chain);
         let audit = Self { path: path.to_owned(), chain };
         audit.locked(|_| Ok(()))?;
         Ok(audit)
@@ -133,6 +154,36 @@ impl Audit {
     /// nothing of the entry is in the file then.
     pub fn append(&self, entry: &Entry<'_>) -> io::Result<()> {
         self.locked(|chain| chain.put(chain.len, "", entry))
+    }
+
+    /// Where the log begins and ends. Blocks while another process writes.
+    ///
+    /// # Errors
+    /// When the file cannot be locked or read.
+    pub fn ends(&self) -> io::Result<Ends> {
+        let mut ends = None;
+        self.locked(|chain| {
+            let tip = Mark { seq: chain.tip.seq, hash: chain.tip.hash.clone() };
+            let first = first_link(&chain.file, chain.len)?;
+            // In an emptied file nothing is left of what the chain goes on from.
+            let (head, tip) = match first {
+                Some(link) => (Mark { seq: link.seq.saturating_sub(1), hash: link.prev }, tip),
+                None => (Mark::none(), Mark::none()),
+            };
+            ends = Some((head, tip, chain.saw_rename));
+            Ok(())
+        })?;
+        let (head, tip, saw_rename) = ends.ok_or_else(|| io::Error::other("the log was not read"))?;
+        let is_continued = saw_rename || ends_beside(&self.path, &head.hash)?;
+        Ok(Ends { head, tip, is_continued })
+    }
+
+    /// Lets the chain of a new file go on after an entry of another.
+    pub fn go_on_after(&self, tip: &Mark) {
+        let mut chain = self.chain();
+        if chain.len == 0 && chain.tip.seq == 0 {
+            chain.tip = Tip { seq: tip.seq, hash: tip.hash.clone(), entry_hash: tip.hash.clone() };
+        }
     }
 
     /// Makes durable what was appended.
@@ -165,6 +216,8 @@ struct Chain {
     file: File,
     len: u64,
     tip: Tip,
+    /// Whether this file follows another that was renamed, not removed.
+    saw_rename: bool,
 }
 
 /// What the next line is chained to.
@@ -195,7 +248,10 @@ impl Chain {
                 self.file.unlock()?;
             }
             match next? {
-                Some(file) => (self.file, self.len) = (file, 0),
+                Some(file) => {
+                    self.saw_rename = self.file.metadata()?.nlink() > 0;
+                    (self.file, self.len) = (file, 0);
+                }
                 None => return Ok(()),
             }
         }
@@ -263,6 +319,40 @@ impl Chain {
         self.len = len + bytes.len() as u64;
         Ok(())
     }
+}
+
+impl Mark {
+    /// No entry.
+    #[must_use]
+    pub fn none() -> Self {
+        Self { seq: 0, hash: NO_HASH.to_owned() }
+    }
+}
+
+/// The first entry of a file; `None` when it has none, or begins with something else.
+fn first_link(file: &File, len: u64) -> io::Result<Option<Link>> {
+    let mut reader = file;
+    reader.seek(SeekFrom::Start(0))?;
+    Ok(next_line(&mut BufReader::new(reader.take(len)))?.and_then(|line| line.link()))
+}
+
+/// Whether a file beside the log, whose name begins with its own, ends with the line of this hash. Packed ones cannot be read.
+fn ends_beside(path: &Path, hash: &str) -> io::Result<bool> {
+    let (Some(folder), Some(name)) = (folder_of(path), path.file_name()) else { return Ok(false) };
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        let other = entry.file_name();
+        let is_beside = other != name && other.as_encoded_bytes().starts_with(name.as_encoded_bytes());
+        if !is_beside || !entry.file_type()?.is_file() {
+            continue;
+        }
+        let file = File::open(entry.path())?;
+        let len = file.metadata()?.len();
+        if read_end(&file, len)?.tip.is_some_and(|tip| tip.hash == hash) {
+            return Ok(true);
+        }
+    }
+    Ok(false)
 }
 
 const RECOVERY: Entry<'static> =
@@ -419,6 +509,9 @@ pub enum AuditError {
         /// Which.
         line: u64,
     },
+    /// It is not the log that is remembered: something of it is missing.
+    #[error("this is not the log that was written: {0}")]
+    NotTheKnown(String),
     /// The last line has no newline. Opening the log mends that.
     #[error("line {line}, the last, is torn")]
     TornEnd {
@@ -433,16 +526,39 @@ pub enum AuditError {
 /// # Errors
 /// As [`AuditError`], for the first line where the chain does not hold.
 pub fn verify(path: &Path) -> Result<Verified, AuditError> {
+    verify_with(path, 0).map(|(verified, _)| verified)
+}
+
+/// The same, with the hash of the entry of this number, if it is there.
+///
+/// # Errors
+/// As [`verify`].
+pub fn verify_with(path: &Path, wanted: u64) -> Result<(Verified, Option<String>), AuditError> {
     let file = File::open(path)?;
     file.lock_shared()?;
     let len = file.metadata().map(|facts| facts.len());
     file.unlock()?;
     let mut reader = BufReader::new(file.take(len?));
-    let mut walk = Walk::default();
+    let mut walk = Walk { wanted, ..Walk::default() };
     while let Some(line) = next_line(&mut reader)? {
         walk.take(line)?;
     }
-    walk.finish()
+    let found = walk.found.take();
+    Ok((walk.finish()?, found))
+}
+
+/// Where a log begins and ends that was verified.
+///
+/// # Errors
+/// When the files beside it cannot be read.
+pub fn ends_of(path: &Path, verified: &Verified) -> io::Result<Ends> {
+    let head = match &verified.begins_with {
+        Some(hash) => Mark { seq: verified.first_seq.saturating_sub(1), hash: hash.clone() },
+        None => Mark::none(),
+    };
+    let tip = Mark { seq: verified.last_seq, hash: verified.last_hash.clone() };
+    let is_continued = ends_beside(path, &head.hash)?;
+    Ok(Ends { head, tip, is_continued })
 }
 
 /// A chain, followed up to some line.
@@ -453,6 +569,9 @@ struct Walk {
     /// Lines since the last entry.
     torn: u64,
     seen: Verified,
+    /// Number of an entry whose hash is looked for.
+    wanted: u64,
+    found: Option<String>,
 }
 
 impl Walk {
@@ -490,6 +609,9 @@ impl Walk {
         self.seen.last_seq = link.seq;
         self.tip.seq = link.seq;
         hash.clone_into(&mut self.tip.entry_hash);
+        if link.seq == self.wanted {
+            self.found = Some(hash.to_owned());
+        }
         Ok(())
     }
 

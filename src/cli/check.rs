@@ -79,7 +79,7 @@ async fn check_all(args: &CheckArgs, config: &ServeConfig, findings: &mut Findin
     findings.tell("database", check_database(&*store).await);
     findings.tell("access", check_access(&args.serve, store.has_tokens().await.unwrap_or(false)));
     findings.tell("files", check_files(&*store, &place).await);
-    findings.tell("audit log", check_audit(&place));
+    findings.tell("audit log", check_audit(&*store, &place).await);
 }
 
 fn check_folder(dir: &Path) -> anyhow::Result<String> {
@@ -149,7 +149,11 @@ async fn damaged_files(blobs: &Blobs, job: &Job) -> Vec<String> {
     bad
 }
 
-fn check_audit(place: &Place) -> anyhow::Result<String> {
-    let Some(found) = place.verify_audit()? else { return Ok("none yet".to_owned()) };
+async fn check_audit(store: &dyn Store, place: &Place) -> anyhow::Result<String> {
+    let found = match store.audit_marks().await? {
+        Some(known) => Some(place.verify_audit_with(&known)?),
+        None => place.verify_audit()?,
+    };
+    let Some(found) = found else { return Ok("none yet".to_owned()) };
     Ok(format!("{} entries, {} torn, last hash {}", found.entries, found.torn, found.last_hash))
 }

@@ -74,6 +74,8 @@ mod retention;
 
 mod callbacks;
 
+pub mod audit_marks;
+
 /// Makes a folder that only its owner may enter.
 ///
 /// # Errors

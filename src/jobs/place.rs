@@ -6,7 +6,9 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::audit_marks::compare;
 use super::make_private;
+use super::store::AuditMarks;
 use super::store::blobs::{Blobs, Room, room};
 use super::store::liveness::Instance;
 use super::store::sqlite::SqliteStore;
@@ -114,6 +116,24 @@ impl Place {
     pub fn verify_audit(&self) -> Result<Option<Verified>, AuditError> {
         let log = self.audit_log();
         if log.exists() { audit::verify(&log).map(Some) } else { Ok(None) }
+    }
+
+    /// The same, and that it is the log that the database remembers. Blocks.
+    ///
+    /// # Errors
+    /// When the chain does not hold, or something is missing.
+    pub fn verify_audit_with(&self, known: &AuditMarks) -> Result<Verified, AuditError> {
+        let log = self.audit_log();
+        if !log.exists() {
+            return Err(AuditError::NotTheKnown(format!("it is missing, and had {} entries", known.tip.seq)));
+        }
+        let (verified, hash) = audit::verify_with(&log, known.tip.seq)?;
+        compare(Some(known), &audit::ends_of(&log, &verified)?).map_err(AuditError::NotTheKnown)?;
+        // An entry that is in a file before this one cannot be looked at.
+        if known.tip.seq >= verified.first_seq && hash.as_ref() != Some(&known.tip.hash) {
+            return Err(AuditError::NotTheKnown(format!("its entry {} is another one", known.tip.seq)));
+        }
+        Ok(verified)
     }
 
     /// Copies the audit log, if there is one, to another place. Blocks.

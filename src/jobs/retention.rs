@@ -34,6 +34,7 @@ pub(super) async fn keep(jobs: Arc<Jobs>) {
             tracing::error!(%error, "what is due cannot be erased");
         }
         jobs.wipe_deleted().await;
+        jobs.mark_audit().await;
         if swept.elapsed() >= SWEEP {
             swept = Instant::now();
             match jobs.sweep_old().await {

@@ -102,8 +102,15 @@ impl Jobs {
             clock: Clock::default(),
         };
         jobs.take_over().await?;
+        jobs.follow_audit().await?;
         jobs.record(&Caller::default(), Action::Started, None, "ok").await;
+        jobs.mark_audit().await;
         Ok(jobs)
+    }
+
+    /// The audit log.
+    pub(super) fn audit(&self) -> Arc<Audit> {
+        Arc::clone(&self.audit)
     }
 
     /// What bounds the jobs.

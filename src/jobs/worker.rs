@@ -110,6 +110,7 @@ impl Workers {
             let _ = task.await;
         }
         self.jobs.record(&Caller::default(), Action::Stopped, None, "ok").await;
+        self.jobs.mark_audit().await;
         self.jobs.store().close().await;
     }
 }

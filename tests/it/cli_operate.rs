@@ -113,6 +113,60 @@ fn what_a_deleted_job_said_is_gone_from_the_database_within_seconds() {
     }
 }
 
+/// A data directory of a service that ran, and its audit log.
+fn audited(dir: &TempDir) -> (std::path::PathBuf, std::path::PathBuf) {
+    let data = dir.path().join("data");
+    let mut service = Service::start(&data, &[]);
+    service.ended(&service.submit(&sample(dir.path())));
+    service.terminate();
+    let log = data.join("audit/audit.jsonl");
+    assert_eq!(check(&data).0, Some(0));
+    (data, log)
+}
+
+#[test]
+fn an_audit_log_that_lost_something_fails_the_check() {
+    let dir = TempDir::new().unwrap();
+    let (data, log) = audited(&dir);
+    let whole = std::fs::read_to_string(&log).unwrap();
+    let lines: Vec<&str> = whole.lines().collect();
+    let of = |lines: &[&str]| lines.iter().map(|line| format!("{line}\n")).collect::<String>();
+    for (what, text) in
+        [("emptied", String::new()), ("beheaded", of(&lines[1..])), ("without its end", of(&lines[..lines.len() - 1]))]
+    {
+        std::fs::write(&log, text).unwrap();
+        let (code, told) = check(&data);
+        assert!(code == Some(1) && told.contains("BAD   audit log"), "{what}: {told}");
+    }
+    std::fs::remove_file(&log).unwrap();
+    assert!(check(&data).1.contains("BAD   audit log: this is not the log that was written: it is missing"));
+    // What a later server writes there does not make up for it.
+    drop(Service::start(&data, &[]));
+    assert!(check(&data).1.contains("BAD   audit log"));
+    std::fs::write(&log, &whole).unwrap();
+    assert_eq!(check(&data).0, Some(0), "{}", check(&data).1);
+}
+
+#[test]
+fn an_audit_log_that_is_rotated_passes_the_check() {
+    let dir = TempDir::new().unwrap();
+    let (data, log) = audited(&dir);
+    // While nobody writes: the file stays beside the new one.
+    std::fs::rename(&log, log.with_extension("jsonl.1")).unwrap();
+    let service = Service::start(&data, &[]);
+    let mask = sample(dir.path());
+    service.ended(&service.submit(&mask));
+    assert_eq!(check(&data).0, Some(0), "{}", check(&data).1);
+    // Under a writer: the file may go elsewhere, once the server has gone on in the new one.
+    std::fs::rename(&log, dir.path().join("elsewhere")).unwrap();
+    service.ended(&service.submit(&mask));
+    let deadline = std::time::Instant::now() + std::time::Duration::from_secs(20);
+    while check(&data).0 != Some(0) {
+        assert!(std::time::Instant::now() < deadline, "{}", check(&data).1);
+        std::thread::sleep(std::time::Duration::from_millis(200));
+    }
+}
+
 #[test]
 fn with_a_token_the_service_listens_beyond_the_loopback() {
     let dir = TempDir::new().unwrap();

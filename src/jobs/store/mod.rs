@@ -21,6 +21,7 @@ use async_trait::async_trait;
 use jiff::{SignedDuration, Timestamp};
 use uuid::Uuid;
 
+use crate::audit::Mark;
 use crate::jobs::job::{CallbackTry, Job, JobId, JobState, JobWarning, MaskInfo, ResultFile};
 use crate::jobs::moves::Cause;
 use crate::jobs::token::StoredToken;
@@ -509,6 +510,15 @@ pub trait CallbackStore: Send + Sync {
     async fn callback_tried(&self, id: JobId, tried: &CallbackTry, next: CallbackNext) -> Result<(), StoreError>;
 }
 
+/// What is remembered of the audit log.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AuditMarks {
+    /// The entry before the first one of its present file.
+    pub head: Mark,
+    /// The last entry.
+    pub tip: Mark,
+}
+
 /// Access tokens.
 #[async_trait]
 pub trait TokenStore: Send + Sync {
@@ -539,6 +549,12 @@ pub trait Store: JobStore + QueueStore + RetentionStore + CallbackStore + TokenS
 
     /// What the store finds wrong with itself; empty when nothing is.
     async fn check_integrity(&self) -> Result<Vec<String>, StoreError>;
+
+    /// What is remembered of the audit log.
+    async fn audit_marks(&self) -> Result<Option<AuditMarks>, StoreError>;
+
+    /// Remembers it, unless a later entry is remembered already.
+    async fn mark_audit(&self, marks: &AuditMarks) -> Result<(), StoreError>;
 
     /// Takes away what is left of deleted rows outside of the tables; `false` when others hold it back at the moment.
     async fn wipe_deleted(&self) -> Result<bool, StoreError>;

@@ -35,7 +35,8 @@ use sqlx::sqlite::{
 };
 use sqlx::{Connection, Row, SqlSafeStr, Sqlite, SqliteConnection, Transaction};
 
-use super::{Store, StoreError};
+use super::{AuditMarks, Store, StoreError};
+use crate::audit::Mark;
 
 /// Status polls are short reads; a few connections serve thousands a second.
 const READ_CONNECTIONS: u32 = 4;
@@ -129,6 +130,7 @@ fn migrator() -> Migrator {
         migration(5, "order", include_str!("../../../../migrations/sqlite/0005_order.sql")),
         migration(6, "callbacks", include_str!("../../../../migrations/sqlite/0006_callbacks.sql")),
         migration(7, "storage", include_str!("../../../../migrations/sqlite/0007_storage.sql")),
+        migration(8, "audit", include_str!("../../../../migrations/sqlite/0008_audit.sql")),
     ])
 }
 
@@ -160,6 +162,35 @@ impl Store for SqliteStore {
             }
         }
         Ok(found)
+    }
+
+    async fn audit_marks(&self) -> Result<Option<AuditMarks>, StoreError> {
+        let mut marks = [None, None];
+        for (mark, name) in marks.iter_mut().zip(["head", "tip"]) {
+            let row = sqlx::query("SELECT seq, hash FROM audit_marks WHERE name = $1").bind(name);
+            if let Some(row) = row.fetch_optional(&self.reader).await? {
+                *mark = Some(Mark { seq: rows::count(&row, 0)?, hash: row.try_get(1)? });
+            }
+        }
+        let [head, tip] = marks;
+        Ok(head.zip(tip).map(|(head, tip)| AuditMarks { head, tip }))
+    }
+
+    async fn mark_audit(&self, marks: &AuditMarks) -> Result<(), StoreError> {
+        let mut transaction = self.write().await?;
+        for (name, mark) in [("head", &marks.head), ("tip", &marks.tip)] {
+            sqlx::query(
+                "INSERT INTO audit_marks (name, seq, hash) VALUES ($1, $2, $3)
+                 ON CONFLICT (name) DO UPDATE SET seq = excluded.seq, hash = excluded.hash WHERE excluded.seq > seq",
+            )
+            .bind(name)
+            .bind(rows::clamped(mark.seq))
+            .bind(&mark.hash)
+            .execute(&mut *transaction)
+            .await?;
+        }
+        transaction.commit().await?;
+        Ok(())
     }
 
     async fn wipe_deleted(&self) -> Result<bool, StoreError> {
