@@ -10,7 +10,7 @@
 //! `scratch/{instance}`: uploads under way, and the files of running attempts, which the pipeline
 //! writes as plain files.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -54,6 +54,8 @@ pub struct Blobs {
     store: Arc<dyn ObjectStore>,
     root: PathBuf,
     scratch: PathBuf,
+    /// Whether files are kept in the folder that scratch files are in, and so need not be copied.
+    is_local: bool,
     /// Memory left for answers, KiB.
     answers: Arc<Semaphore>,
 }
@@ -106,13 +108,13 @@ impl Blobs {
         let store = LocalFileSystem::new_with_prefix(root).map_err(io_error)?.with_fsync(true);
         let store = Arc::new(store.with_automatic_cleanup(true));
         let answers = Arc::new(Semaphore::new(ANSWERS_KIB));
-        Ok(Self { store, root: root.to_owned(), scratch: root.join(SCRATCH), answers })
+        Ok(Self { store, root: root.to_owned(), scratch: root.join(SCRATCH), is_local: true, answers })
     }
 
     /// The same with the files in another object store: only scratch files are in the folder.
     #[must_use]
     pub fn stored_in(self, store: Arc<dyn ObjectStore>) -> Self {
-        Self { store, ..self }
+        Self { store, is_local: false, ..self }
     }
 
     /// A file for an upload, in a folder that is made anew when it was lost; it vanishes when dropped. Blocks.
@@ -135,7 +137,7 @@ impl Blobs {
     /// # Errors
     /// When it cannot be stored.
     pub async fn keep_mask(&self, upload: &Path, id: JobId) -> io::Result<()> {
-        self.put(upload, &mask_key(id)).await
+        self.put(vec![(upload.to_owned(), mask_key(id))]).await
     }
 
     /// The mask of a job as a local file.
@@ -174,12 +176,7 @@ impl Blobs {
     /// When one cannot be stored.
     pub async fn keep_results(&self, id: JobId, token: &str, names: &[&str]) -> io::Result<()> {
         let folder = self.scratch.join(token);
-        let put = names.iter().map(|name| {
-            let (path, key) = (folder.join(name), result_key(id, token, name));
-            async move { self.put(&path, &key).await }
-        });
-        futures_util::future::try_join_all(put).await?;
-        Ok(())
+        self.put(names.iter().map(|name| (folder.join(name), result_key(id, token, name))).collect()).await
     }
 
     /// Stores a file that was made in the folder of a draft beside the published results of a job.
@@ -187,7 +184,7 @@ impl Blobs {
     /// # Errors
     /// When it cannot be stored.
     pub async fn keep_made(&self, id: JobId, (draft, token): (&str, &str), name: &str) -> io::Result<()> {
-        self.put(&self.scratch.join(draft).join(name), &result_key(id, token, name)).await
+        self.put(vec![(self.scratch.join(draft).join(name), result_key(id, token, name))]).await
     }
 
     /// All bytes of a published result, however large.
@@ -409,7 +406,24 @@ impl Blobs {
         room(&self.root)
     }
 
-    async fn put(&self, path: &Path, key: &Key) -> io::Result<()> {
+    /// Keeps local files under these keys; on return they survive the loss of power.
+    async fn put(&self, files: Vec<(PathBuf, Key)>) -> io::Result<()> {
+        if self.is_local {
+            let (root, links) = (self.root.clone(), files.clone());
+            match on_own_thread(move || link_all(&root, &links)).await {
+                // A file system without links.
+                Err(error)
+                    if error.kind() == io::ErrorKind::Unsupported
+                        || error.kind() == io::ErrorKind::PermissionDenied => {}
+                linked => return linked,
+            }
+        }
+        let put = files.iter().map(|(path, key)| self.put_copy(path, key));
+        futures_util::future::try_join_all(put).await?;
+        Ok(())
+    }
+
+    async fn put_copy(&self, path: &Path, key: &Key) -> io::Result<()> {
         let file = File::open(path).await?;
         if file.metadata().await?.len() <= IN_MEMORY_BYTES {
             let content = tokio::fs::read(path).await?;
@@ -517,6 +531,35 @@ impl Room {
         const FEW_FILES: f64 = 0.02;
         self.free_bytes >= bytes && self.free_files >= FEW_FILES
     }
+}
+
+/// Gives files their kept names, by a link, and syncs them and the folders that they are named in. Blocks.
+fn link_all(root: &Path, files: &[(PathBuf, Key)]) -> io::Result<()> {
+    let mut folders = BTreeSet::new();
+    for (path, key) in files {
+        let kept = root.join(key.as_ref());
+        let folder = kept.parent().unwrap_or(root);
+        for above in folder.ancestors().take_while(|above| *above != root) {
+            folders.insert(above.to_owned());
+        }
+        if !folder.exists() {
+            make_private(folder)?;
+        }
+        fs::File::open(path)?.sync_all()?;
+        match fs::hard_link(path, &kept) {
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+                // A try before this one left it.
+                fs::remove_file(&kept)?;
+                fs::hard_link(path, &kept)?;
+            }
+            linked => linked?,
+        }
+    }
+    // The lowest first: what a folder holds is there before the folder is.
+    for folder in folders.iter().rev() {
+        fs::File::open(folder)?.sync_all()?;
+    }
+    Ok(())
 }
 
 fn mask_key(id: JobId) -> Key {
