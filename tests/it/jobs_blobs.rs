@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use futures_util::TryStreamExt;
 use medialrep::jobs::job::{JobId, ResultFile};
-use medialrep::jobs::store::KeptFiles;
 use medialrep::jobs::store::blobs::{Blobs, Content, LocalMask, without_kept};
+use medialrep::jobs::store::{KeptFiles, new_token};
 use object_store::memory::InMemory;
 use sha2::{Digest, Sha256};
 use tempfile::TempDir;
@@ -95,5 +95,28 @@ async fn what_no_job_keeps_is_swept() {
         assert_eq!(blobs.remove(&unnamed).await.unwrap(), 1, "{what}");
         assert!(blobs.read_checked(kept, "t", &file).await.unwrap().is_some(), "{what}");
         assert!(blobs.read_checked(gone, "t", &file).await.is_err(), "{what}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 4)]
+async fn what_is_kept_while_others_are_erased_is_there() {
+    let dir = TempDir::new().unwrap();
+    let blobs = Blobs::open(dir.path(), "instance").unwrap();
+    let tasks = (0..4).map(|_| {
+        let blobs = blobs.clone();
+        tokio::spawn(async move {
+            for _ in 0..100 {
+                let (id, token) = (JobId::now(), new_token());
+                let folder = blobs.begin_attempt(&token).unwrap();
+                std::fs::write(folder.join("model.glb"), b"content").unwrap();
+                // The folders above are empty again and again: erasing removes them.
+                blobs.keep_results(id, &token, &["model.glb"]).await.unwrap();
+                blobs.erase_results(id).await.unwrap();
+                blobs.end_attempt(&token).unwrap();
+            }
+        })
+    });
+    for task in tasks.collect::<Vec<_>>() {
+        task.await.unwrap();
     }
 }

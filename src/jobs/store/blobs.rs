@@ -542,24 +542,31 @@ fn link_all(root: &Path, files: &[(PathBuf, Key)]) -> io::Result<()> {
         for above in folder.ancestors().take_while(|above| *above != root) {
             folders.insert(above.to_owned());
         }
-        if !folder.exists() {
-            make_private(folder)?;
-        }
         fs::File::open(path)?.sync_all()?;
-        match fs::hard_link(path, &kept) {
-            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
-                // A try before this one left it.
-                fs::remove_file(&kept)?;
-                fs::hard_link(path, &kept)?;
-            }
-            linked => linked?,
-        }
+        link(path, &kept, folder)?;
     }
     // The lowest first: what a folder holds is there before the folder is.
     for folder in folders.iter().rev() {
         fs::File::open(folder)?.sync_all()?;
     }
     Ok(())
+}
+
+/// Gives a file another name, in a folder that is made if need be.
+fn link(path: &Path, kept: &Path, folder: &Path) -> io::Result<()> {
+    /// Folders that became empty are removed, maybe between the making of one and its use.
+    const TRIES: usize = 10;
+    let mut linked = Ok(());
+    for _ in 0..TRIES {
+        linked = make_private(folder).and_then(|()| fs::hard_link(path, kept));
+        match &linked {
+            // A try before this one left it.
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => gone(fs::remove_file(kept))?,
+            Err(error) if error.kind() == io::ErrorKind::NotFound && path.exists() => {}
+            _ => break,
+        }
+    }
+    linked
 }
 
 fn mask_key(id: JobId) -> Key {
