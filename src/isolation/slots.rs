@@ -179,7 +179,8 @@ impl Isolation {
 
     fn start(&self) -> io::Result<Worker> {
         let mut command = Command::new(&self.program);
-        command.arg(ARGUMENT);
+        // What lists of processes show.
+        command.arg0(env!("CARGO_PKG_NAME")).arg(ARGUMENT);
         if let Some(threads) = self.threads {
             command.args(["--threads", &threads.to_string()]);
         }

@@ -49,6 +49,9 @@ impl Jobs {
             Ok(()) => {
                 let marks = AuditMarks { head: found.head, tip: found.tip };
                 if known.as_ref() != Some(&marks) {
+                    // What is remembered must not be lost to a power cut that the memory of it survives.
+                    let audit = self.audit();
+                    on_own_thread(move || audit.sync()).await?;
                     self.store().mark_audit(&marks).await?;
                 }
             }
