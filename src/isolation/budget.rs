@@ -33,7 +33,7 @@ pub struct CpuLimits {
 
 impl Default for CpuLimits {
     fn default() -> Self {
-        Self { least: Duration::from_secs(10), per_kb: Duration::from_secs(15) }
+        Self { least: Duration::from_secs(10), per_kb: Duration::from_secs(18) }
     }
 }
 
@@ -221,8 +221,8 @@ mod tests {
     fn time_follows_the_size_of_the_file() {
         let limits = CpuLimits::default();
         assert_eq!(limits.of(0, true), Duration::from_secs(10));
-        assert_eq!(limits.of(2048, true), Duration::from_secs(40));
-        assert_eq!(limits.of(2048 * 200, false), Duration::from_secs(40));
+        assert_eq!(limits.of(2048, true), Duration::from_secs(46));
+        assert_eq!(limits.of(2048 * 200, false), Duration::from_secs(46));
     }
 
     #[test]
