@@ -138,7 +138,7 @@ impl Audit {
     /// # Errors
     /// When the file cannot be made, locked, read or written.
     pub fn open(path: &Path) -> io::Result<Self> {
-        let chain = Chain { file: open_file(path)?, len: 0, tip: Tip::default(), saw_rename: false };
+        let chain = Chain { file: open_file(path)?, len: 0, tip: Tip::default(), follows: None };
         let chain = Mutex::new(chain);
         let audit = Self { path: path.to_owned(), chain };
         audit.locked(|_| Ok(()))?;
@@ -170,11 +170,12 @@ impl Audit {
                 Some(link) => (Mark { seq: link.seq.saturating_sub(1), hash: link.prev }, tip),
                 None => (Mark::none(), Mark::none()),
             };
-            ends = Some((head, tip, chain.saw_rename));
+            let was_followed = chain.follows.as_ref() == Some(&head.hash);
+            ends = Some((head, tip, was_followed));
             Ok(())
         })?;
-        let (head, tip, saw_rename) = ends.ok_or_else(|| io::Error::other("the log was not read"))?;
-        let is_continued = saw_rename || ends_beside(&self.path, &head.hash)?;
+        let (head, tip, was_followed) = ends.ok_or_else(|| io::Error::other("the log was not read"))?;
+        let is_continued = was_followed || ends_beside(&self.path, &head.hash)?;
         Ok(Ends { head, tip, is_continued })
     }
 
@@ -216,8 +217,8 @@ struct Chain {
     file: File,
     len: u64,
     tip: Tip,
-    /// Whether this file follows another that was renamed, not removed.
-    saw_rename: bool,
+    /// The last line of the file before this one, where that was seen to be renamed, not removed.
+    follows: Option<String>,
 }
 
 /// What the next line is chained to.
@@ -249,7 +250,7 @@ impl Chain {
             }
             match next? {
                 Some(file) => {
-                    self.saw_rename = self.file.metadata()?.nlink() > 0;
+                    self.follows = (self.file.metadata()?.nlink() > 0).then(|| self.tip.hash.clone());
                     (self.file, self.len) = (file, 0);
                 }
                 None => return Ok(()),

@@ -11,6 +11,7 @@ use jiff::Timestamp;
 
 use super::{complain, exit};
 use crate::audit::{Action, Entry};
+use crate::jobs::audit_marks::follow;
 use crate::jobs::place::Place;
 use crate::jobs::store::Store;
 use crate::jobs::token::{Scope, StoredToken, Token, check_tenant};
@@ -141,7 +142,7 @@ async fn create(args: CreateArgs, folder: &Path) -> anyhow::Result<ExitCode> {
     let expires_at = args.expires_in.map(|time| Timestamp::now().checked_add(time)).transpose()?;
     let stored = token.stored(args.tenant, args.scopes, expires_at);
     store.insert_token(&stored).await?;
-    record(folder, Action::TokenCreated, &stored)?;
+    record(folder, &*store, Action::TokenCreated, &stored).await?;
     print(&token.reveal());
     if store.has_jobs_of("").await? {
         complain(&format!(
@@ -167,11 +168,12 @@ async fn list(data_dir: &Path) -> anyhow::Result<ExitCode> {
 }
 
 async fn adopt(tenant: &str, folder: &Path) -> anyhow::Result<ExitCode> {
-    let count = open(folder).await?.adopt_jobs(tenant).await?;
+    let store = open(folder).await?;
+    let count = store.adopt_jobs(tenant).await?;
     let outcome = if count == 0 { "none" } else { "ok" };
     let entry =
         Entry { tenant: Some(tenant), token: None, action: Action::Adopted, job: None, outcome, trace_id: None };
-    Place::at(folder).open_audit()?.append(&entry).context("cannot write the audit log")?;
+    append(folder, &*store, &entry).await?;
     print(&format!("{count} jobs belong to {tenant} now"));
     Ok(ExitCode::SUCCESS)
 }
@@ -183,15 +185,21 @@ async fn revoke(id: &str, folder: &Path) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::from(exit::USAGE));
     }
     if let Some(stored) = store.get_token(id).await? {
-        record(folder, Action::TokenRevoked, &stored)?;
+        record(folder, &*store, Action::TokenRevoked, &stored).await?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
-fn record(data_dir: &Path, action: Action, token: &StoredToken) -> anyhow::Result<()> {
+async fn record(folder: &Path, store: &dyn Store, action: Action, token: &StoredToken) -> anyhow::Result<()> {
     let entry =
         Entry { tenant: Some(&token.tenant), token: Some(&token.id), action, job: None, outcome: "ok", trace_id: None };
-    Place::at(data_dir).open_audit()?.append(&entry).context("cannot write the audit log")
+    append(folder, store, &entry).await
+}
+
+async fn append(folder: &Path, store: &dyn Store, entry: &Entry<'_>) -> anyhow::Result<()> {
+    let audit = Place::at(folder).open_audit()?;
+    follow(&audit, store).await?;
+    audit.append(entry).context("cannot write the audit log")
 }
 
 #[expect(clippy::print_stdout, reason = "this is what was asked for")]

@@ -14,7 +14,7 @@ use super::wire::{Outcome, Request, Told, receive, send, written};
 use crate::formats::params_json::params_to_json;
 use crate::formats::readers::check_header;
 use crate::formats::{HeaderFacts, InputLimits};
-use crate::jobs::process::{Kept, ProcessError, remove_files};
+use crate::jobs::process::{Kept, ProcessError, READING, remove_files};
 use crate::jobs::processed::Processed;
 use crate::params::CheckedParams;
 use crate::pipeline::observer::Observer;
@@ -71,9 +71,22 @@ struct Worker {
 /// How a run in a child ended.
 enum Ran {
     Ended(Result<Processed, ProcessError>),
-    /// With the processor time that it used.
-    NoMemory(Duration),
-    Crashed(String),
+    /// The child is gone.
+    Died(Death),
+}
+
+/// How a child ended.
+struct Death {
+    /// Processor time that it had used.
+    used: Duration,
+    cause: Cause,
+}
+
+/// Why a child ended.
+enum Cause {
+    NoMemory,
+    /// With what is known of it.
+    Crash(String),
 }
 
 impl Isolation {
@@ -106,8 +119,7 @@ impl Isolation {
     ) -> Result<Processed, ProcessError> {
         remove_files(out);
         let header = check_header(mask, limits)?;
-        let bytes =
-            std::fs::metadata(mask).map_err(|error| ProcessError::Io { doing: "reading the mask", error })?.len();
+        let bytes = std::fs::metadata(mask).map_err(|error| ProcessError::Io { doing: READING, error })?.len();
         let cpu = self.cpu.of(bytes, header.is_compressed);
         let mut request = Request {
             mask: mask.to_owned(),
@@ -129,14 +141,19 @@ impl Isolation {
             if !matches!(ran, Ok(Ran::Ended(Ok(_)))) {
                 remove_files(out);
             }
-            match ran.map_err(|error| ProcessError::Io { doing: "starting a process", error })? {
-                Ran::Ended(result) => return result,
-                Ran::NoMemory(used) if request.share_bytes < self.memory.bytes() => {
+            let Death { used, cause } =
+                match ran.map_err(|error| ProcessError::Io { doing: "starting a process", error })? {
+                    Ran::Ended(result) => return result,
+                    Ran::Died(death) => death,
+                };
+            // All tries together have the time of one.
+            request.cpu = request.cpu.saturating_sub(used);
+            match cause {
+                Cause::NoMemory if request.share_bytes < self.memory.bytes() => {
                     request.share_bytes = self.memory.bytes();
-                    request.cpu = request.cpu.saturating_sub(used);
                 }
-                Ran::NoMemory(_) => return Err(needs_too_much(self.memory.bytes(), &header).into()),
-                Ran::Crashed(how) => {
+                Cause::NoMemory => return Err(needs_too_much(self.memory.bytes(), &header).into()),
+                Cause::Crash(how) => {
                     crashes += 1;
                     if crashes == MOST_CRASHES {
                         return Err(ProcessError::Crashed { how });
@@ -158,10 +175,10 @@ impl Isolation {
                 outcome_of(outcome, request).map(Ran::Ended)
             }
             Ok(None) if observer.is_cancelled() => Ok(Ran::Ended(Err(ProcessError::Cancelled))),
-            Ok(None) => Ok(worker.cause_of_death()),
+            Ok(None) => Ok(Ran::Died(worker.death())),
             Err(error) => {
-                let _ = worker.child.kill();
-                Ok(Ran::Crashed(error.to_string()))
+                let used = processor_time(worker.child.id());
+                Ok(Ran::Died(Death { used, cause: Cause::Crash(error.to_string()) }))
             }
         }
     }
@@ -226,7 +243,7 @@ impl Worker {
     }
 
     /// Why the child is gone.
-    fn cause_of_death(mut self) -> Ran {
+    fn death(mut self) -> Death {
         /// What it says at its end, bytes at the most.
         const LAST_WORDS: u64 = 4096;
         let mut words = String::new();
@@ -234,14 +251,13 @@ impl Worker {
             let _ = stderr.take(LAST_WORDS).read_to_string(&mut words);
         }
         let used = processor_time(self.child.id());
-        match self.child.wait() {
+        let cause = match self.child.wait() {
             // Nobody else kills a child than the system when memory runs out.
-            Ok(status) if words.contains("memory allocation of") || status.signal() == Some(SIGKILL) => {
-                Ran::NoMemory(used)
-            }
-            Ok(status) => Ran::Crashed(told(status, &words)),
-            Err(error) => Ran::Crashed(error.to_string()),
-        }
+            Ok(status) if words.contains("memory allocation of") || status.signal() == Some(SIGKILL) => Cause::NoMemory,
+            Ok(status) => Cause::Crash(told(status, &words)),
+            Err(error) => Cause::Crash(error.to_string()),
+        };
+        Death { used, cause }
     }
 }
 

@@ -4,8 +4,8 @@
 use super::blocking::on_own_thread;
 use super::error::JobsError;
 use super::service::Jobs;
-use super::store::{AuditMarks, StoreError};
-use crate::audit::Ends;
+use super::store::{AuditMarks, Store, StoreError};
+use crate::audit::{Audit, Ends};
 
 /// Why the log is not the one that is remembered.
 ///
@@ -25,15 +25,18 @@ pub fn compare(known: Option<&AuditMarks>, found: &Ends) -> Result<(), String> {
     ))
 }
 
-impl Jobs {
-    /// Goes on where the last log ended, if this one is new.
-    pub(super) async fn follow_audit(&self) -> Result<(), StoreError> {
-        if let Some(known) = self.store().audit_marks().await? {
-            self.audit().go_on_after(&known.tip);
-        }
-        Ok(())
+/// Lets a new log go on where the last one ended.
+///
+/// # Errors
+/// When the store fails.
+pub async fn follow(audit: &Audit, store: &dyn Store) -> Result<(), StoreError> {
+    if let Some(known) = store.audit_marks().await? {
+        audit.go_on_after(&known.tip);
     }
+    Ok(())
+}
 
+impl Jobs {
     /// Has the database remember where the log begins and ends, unless it is not the one that it remembers.
     pub(super) async fn mark_audit(&self) {
         if let Err(error) = self.try_to_mark_audit().await {
@@ -42,9 +45,10 @@ impl Jobs {
     }
 
     async fn try_to_mark_audit(&self) -> Result<(), JobsError> {
+        // First what is known: others append and have it remembered meanwhile.
+        let known = self.store().audit_marks().await?;
         let audit = self.audit();
         let found = on_own_thread(move || audit.ends()).await?;
-        let known = self.store().audit_marks().await?;
         match compare(known.as_ref(), &found) {
             Ok(()) => {
                 let marks = AuditMarks { head: found.head, tip: found.tip };

@@ -1,11 +1,9 @@
 //! Sends webhooks of jobs that have ended, until they arrive or there is no more hope. What is due
 //! is in the store: it survives the end of this process.
 
-use std::panic::AssertUnwindSafe;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
-use futures_util::FutureExt;
 use jiff::{SignedDuration, Timestamp};
 use serde_json::json;
 use sha2::{Digest, Sha256};
@@ -13,6 +11,7 @@ use tokio::time::timeout;
 use tokio_util::task::TaskTracker;
 use uuid::Builder;
 
+use super::caller::OpenRequests;
 use super::job::{CallbackTry, Job};
 use super::service::Jobs;
 use super::store::{CallbackNext, DueCallback, host_of};
@@ -29,54 +28,25 @@ const TO_ONE_HOST: usize = 4;
 /// See [`TO_ONE_HOST`].
 const OF_ONE_TENANT: usize = 8;
 
-/// Webhooks under way, by tenant and host.
-#[derive(Debug, Default)]
-struct UnderWay(Mutex<Vec<(String, String)>>);
-
-impl UnderWay {
-    fn is_busy(&self, tenant: &str, host: &str) -> bool {
-        let all = self.all();
-        let to_host = all.iter().filter(|(_, other)| other == host).count();
-        let of_tenant = all.iter().filter(|(other, _)| other == tenant).count();
-        to_host >= TO_ONE_HOST || of_tenant >= OF_ONE_TENANT
-    }
-
-    fn add(&self, tenant: &str, host: &str) {
-        self.all().push((tenant.to_owned(), host.to_owned()));
-    }
-
-    fn remove(&self, tenant: &str, host: &str) {
-        let mut all = self.all();
-        if let Some(at) = all.iter().position(|(own, other)| own == tenant && other == host) {
-            all.swap_remove(at);
-        }
-    }
-
-    fn all(&self) -> MutexGuard<'_, Vec<(String, String)>> {
-        // Nothing panics while it is held.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
 /// Goes on for ever; at once when there is nothing to send with.
 pub(super) async fn send(jobs: Arc<Jobs>) {
     let Some(sender) = jobs.webhooks().cloned() else { return };
-    let (sending, under_way) = (TaskTracker::new(), Arc::new(UnderWay::default()));
+    let sending = TaskTracker::new();
+    let [of_tenants, to_hosts]: [Arc<OpenRequests>; 2] = Default::default();
     loop {
         while sending.len() < AT_ONCE {
             let now = Timestamp::now();
-            let is_busy = |tenant: &str, host: &str| under_way.is_busy(tenant, host);
+            let is_busy = |tenant: &str, host: &str| {
+                of_tenants.is_full(tenant, OF_ONE_TENANT) || to_hosts.is_full(host, TO_ONE_HOST)
+            };
             match jobs.store().claim_callback(now, now + TRY, &is_busy).await {
                 Ok(Some(due)) => {
-                    let (jobs, sender, under_way) = (Arc::clone(&jobs), sender.clone(), Arc::clone(&under_way));
-                    under_way.add(&due.job.owner, host_of(&due.url));
+                    let own = of_tenants.open(&due.job.owner, OF_ONE_TENANT);
+                    let share = (own, to_hosts.open(host_of(&due.url), TO_ONE_HOST));
+                    let (jobs, sender) = (Arc::clone(&jobs), sender.clone());
                     sending.spawn(async move {
-                        let (tenant, url) = (due.job.owner.clone(), due.url.clone());
-                        let sent = AssertUnwindSafe(send_one(Arc::clone(&jobs), sender, due)).catch_unwind().await;
-                        under_way.remove(&tenant, host_of(&url));
-                        if sent.is_err() {
-                            tracing::error!("a webhook was not sent; it is tried again");
-                        }
+                        send_one(Arc::clone(&jobs), sender, due).await;
+                        drop(share);
                         jobs.wake_callbacks();
                     });
                 }

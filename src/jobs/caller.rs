@@ -14,7 +14,7 @@ pub struct Caller {
     pub trace_id: String,
 }
 
-/// Counts the requests that each tenant has open.
+/// Counts the requests that each tenant has open, or what else is under way for each of some names.
 #[derive(Debug, Default)]
 pub struct OpenRequests {
     counts: Mutex<BTreeMap<String, usize>>,
@@ -38,6 +38,12 @@ impl OpenRequests {
         }
         *count += 1;
         Some(OpenRequest { all: Arc::clone(self), tenant: tenant.to_owned() })
+    }
+
+    /// Whether as many of a tenant are open as may be.
+    #[must_use]
+    pub fn is_full(&self, tenant: &str, limit: usize) -> bool {
+        self.counts().get(tenant).is_some_and(|count| *count >= limit)
     }
 
     fn counts(&self) -> MutexGuard<'_, BTreeMap<String, usize>> {

@@ -10,6 +10,7 @@ use tokio::sync::{Mutex, Notify};
 use tokio::time::{Instant, timeout, timeout_at};
 use tokio_util::sync::CancellationToken;
 
+use super::audit_marks::follow;
 use super::blocking::on_own_thread;
 use super::caller::{Caller, InTurn, OpenRequest, OpenRequests};
 use super::changes::{Changes, RECHECK};
@@ -102,7 +103,7 @@ impl Jobs {
             clock: Clock::default(),
         };
         jobs.take_over().await?;
-        jobs.follow_audit().await?;
+        follow(&jobs.audit, &*jobs.store).await?;
         jobs.record(&Caller::default(), Action::Started, None, "ok").await;
         jobs.mark_audit().await;
         Ok(jobs)

@@ -270,6 +270,26 @@ fn the_chain_goes_on_in_the_file_after_a_rename() {
 }
 
 #[test]
+fn a_rename_that_was_seen_vouches_for_what_went_on_there_and_for_nothing_else() {
+    let (dir, path, audit) = log_of(3);
+    std::fs::rename(&path, dir.path().join("elsewhere")).unwrap();
+    append(&audit, 2);
+    let ends = audit.ends().unwrap();
+    assert_eq!((ends.head.seq, ends.tip.seq, ends.is_continued), (3, 5, true));
+    // A handle that did not see it cannot know.
+    assert!(!Audit::open(&path).unwrap().ends().unwrap().is_continued);
+    // In the same file.
+    let rest: String = lines(&path)[1..].iter().map(|line| format!("{line}\n")).collect();
+    fs::write(&path, rest).unwrap();
+    let ends = audit.ends().unwrap();
+    assert_eq!((ends.head.seq, ends.is_continued), (4, false));
+    // Removed is not renamed.
+    std::fs::remove_file(&path).unwrap();
+    append(&audit, 1);
+    assert!(!audit.ends().unwrap().is_continued);
+}
+
+#[test]
 fn renames_under_writers_lose_nothing() {
     let (dir, path, one) = log_of(0);
     let two = Audit::open(&path).unwrap();

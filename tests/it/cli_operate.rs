@@ -153,6 +153,9 @@ fn an_audit_log_that_is_rotated_passes_the_check() {
     let (data, log) = audited(&dir);
     // While nobody writes: the file stays beside the new one.
     std::fs::rename(&log, log.with_extension("jsonl.1")).unwrap();
+    // Whoever is the first to write goes on in the new one.
+    assert!(run(&["token", "adopt", "--tenant", "a"], &data).status.success());
+    assert_eq!(check(&data).0, Some(0), "{}", check(&data).1);
     let service = Service::start(&data, &[]);
     let mask = sample(dir.path());
     service.ended(&service.submit(&mask));
