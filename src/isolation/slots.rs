@@ -158,6 +158,7 @@ impl Isolation {
                     if crashes == MOST_CRASHES {
                         return Err(ProcessError::Crashed { how });
                     }
+                    tracing::warn!(how, "the run crashed; it is tried once more");
                 }
             }
         }

@@ -197,16 +197,24 @@ fn a_job_that_needs_too_much_fails_alone_and_the_service_goes_on() {
 fn processes_end_with_the_service_and_not_by_a_signal_to_all() {
     let dir = tempfile::tempdir().unwrap();
     let service = Service::start(dir.path(), &[]);
-    let id = service.submit(&sample(&["cross", "--spacing", "0.6"]));
     let parent = service.pid();
-    wait_until(|| !children(&parent).is_empty());
-    let started = children(&parent);
+    // Once it tells how far it is, its process is ready for signals too.
+    let begun = || {
+        let id = service.submit(&sample(&["cross", "--spacing", "0.6"]));
+        service.job_when(&id, Duration::from_secs(30), |now| !now["progress"]["stage"].is_null());
+        let started = children(&parent);
+        assert!(!started.is_empty());
+        (id, started)
+    };
+    let (id, started) = begun();
     for signal in ["-TERM", "-INT"] {
         assert!(Command::new("kill").arg(signal).args(&started).status().unwrap().success());
     }
     let ended = service.ended(&id);
     assert_eq!((&ended["state"], &ended["attempt"]), (&"succeeded".into(), &1.into()));
-    assert_eq!(children(&parent), started);
+    assert!(!service.log().contains("crashed"), "{}", service.log());
+    // Under way when the service goes, of which nothing is asked.
+    let (_, started) = begun();
     drop(service);
     wait_until(|| started.iter().all(|id| !Path::new(&format!("/proc/{id}/exe")).exists()));
 }
