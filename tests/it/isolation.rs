@@ -201,7 +201,7 @@ fn processes_end_with_the_service_and_not_by_a_signal_to_all() {
     // Once it tells how far it is, its process is ready for signals too.
     let begun = || {
         let id = service.submit(&sample(&["cross", "--spacing", "0.6"]));
-        service.job_when(&id, Duration::from_secs(30), |now| !now["progress"]["stage"].is_null());
+        service.job_when(&id, Duration::from_secs(30), |now| now["progress"]["fraction"].as_f64() > Some(0.0));
         let started = children(&parent);
         assert!(!started.is_empty());
         (id, started)
