@@ -10,7 +10,7 @@ use super::stage::StageTimings;
 use super::tube::Tube;
 use super::warning::Warning;
 use crate::params::CheckedParams;
-use crate::space::{WorldFromVoxel, WorldPoint};
+use crate::space::{LabelCode, WorldFromVoxel, WorldPoint};
 
 /// Where figures meet: sheets at a hinge, tubes at a fork, portions of a solid at a cut.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -56,6 +56,9 @@ pub struct Structure {
     pub name: Option<String>,
     /// The colour that the file gives it: red, green, blue.
     pub color: Option<[u8; 3]>,
+    /// What it is, by the code that the file gives it.
+    #[serde(default, with = "code")]
+    pub code: Option<LabelCode>,
     /// Voxels with that value.
     pub voxels: u64,
     /// Their volume.
@@ -138,5 +141,21 @@ mod affine {
     pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<WorldFromVoxel, D::Error> {
         let [x, y, z, _] = <[[f64; 4]; 4]>::deserialize(deserializer)?;
         WorldFromVoxel::from_rows([x, y, z]).map_err(D::Error::custom)
+    }
+}
+
+/// A code as its three texts: space knows no serialisation.
+mod code {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    use crate::space::LabelCode;
+
+    pub fn serialize<S: Serializer>(code: &Option<LabelCode>, serializer: S) -> Result<S::Ok, S::Error> {
+        code.as_ref().map(|code| [&code.value, &code.scheme, &code.meaning]).serialize(serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<LabelCode>, D::Error> {
+        let texts = Option::<[String; 3]>::deserialize(deserializer)?;
+        Ok(texts.map(|[value, scheme, meaning]| LabelCode { value, scheme, meaning }))
     }
 }

@@ -34,7 +34,8 @@ pub(super) fn check_is_label_map(volume: &LabelVolume, cancel: &dyn Cancel) -> R
 /// Voxels of a row that have the same label on end, in the mean; the background is left out.
 fn mean_run(volume: &LabelVolume, cancel: &dyn Cancel) -> Result<f64, Cancelled> {
     let (mut voxels, mut runs) = (0_u64, 0_u64);
-    for row in volume.indices().as_slice().chunks_exact(volume.dims()[0]) {
+    let layers = volume.layers().map(|layer| layer.as_slice().chunks_exact(volume.dims()[0]));
+    for row in layers.flatten() {
         cancel.check()?;
         let mut last = 0;
         for index in row {

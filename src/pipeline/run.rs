@@ -107,6 +107,7 @@ fn blank(volume: &LabelVolume, label: Label, params: &CheckedParams) -> Structur
         label: known.value,
         name: params.names.get(&known.value).or(known.name.as_ref()).cloned(),
         color: known.color,
+        code: known.code.clone(),
         voxels,
         volume_mm3: voxels as f64 * volume.world_from_voxel().voxel_volume_mm3(),
         working_voxel_mm: 0.0,

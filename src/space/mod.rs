@@ -13,7 +13,7 @@ pub use affine::{AffineError, VoxelFromVoxel, WorldFromVoxel};
 pub use grid::{Grid, VoxelIndex};
 pub use told::{rounded_up, significant};
 pub(crate) use volume::ascending;
-pub use volume::{Label, LabelVolume, LabelVolumeError, VolumeNotice};
+pub use volume::{Label, LabelCode, LabelVolume, LabelVolumeError, VolumeNotice};
 
 /// A point in NIfTI world space: millimetres, RAS+ (x to the patient's right, y anterior,
 /// z superior).

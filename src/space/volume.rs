@@ -30,13 +30,26 @@ pub struct Label {
     pub name: Option<String>,
     /// Its colour: red, green, blue.
     pub color: Option<[u8; 3]>,
+    /// What it is, by a code of a terminology.
+    pub code: Option<LabelCode>,
+}
+
+/// What a structure is, by a code of a terminology: value `64033007` of scheme `SCT` means `Kidney`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LabelCode {
+    /// The code.
+    pub value: String,
+    /// The terminology that it is of.
+    pub scheme: String,
+    /// The code in words.
+    pub meaning: String,
 }
 
 impl Label {
     /// A label of which only the value is known.
     #[must_use]
     pub fn new(value: i64) -> Self {
-        Self { value, name: None, color: None }
+        Self { value, name: None, color: None, code: None }
     }
 }
 
@@ -86,6 +99,24 @@ pub enum LabelVolumeError {
         /// Number of labels.
         labels: usize,
     },
+    /// Layers that do not lie on one another.
+    #[error("layer {layer} has {dims:?} voxels, the first has {first:?}")]
+    LayersDiffer {
+        /// Its number, from 0.
+        layer: usize,
+        /// Its voxels along each axis.
+        dims: [usize; 3],
+        /// Those of the first layer.
+        first: [usize; 3],
+    },
+    /// A label with voxels in more than one layer.
+    #[error("label {index} has voxels in layers {layers:?}: it needs one layer of its own")]
+    InTwoLayers {
+        /// Its index.
+        index: usize,
+        /// Two of its layers, from 0.
+        layers: [usize; 2],
+    },
     /// A spacing that is none.
     #[error(transparent)]
     Affine(#[from] AffineError),
@@ -97,14 +128,22 @@ pub enum LabelVolumeError {
 /// A label map. Voxels hold the index of a label, so that any value costs two bytes a voxel: index 0 is the
 /// background, index n the n-th label.
 ///
-/// What is checked holds: the values ascend, none is 0, every label has a voxel, every index a label.
+/// Labels that share voxels lie in different layers, each a grid over the same voxels; nearly every volume has one.
+///
+/// What is checked holds: the values ascend, none is 0, every label has a voxel, all of its voxels in one layer, every
+/// index a label.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LabelVolume {
-    indices: Grid<u16>,
+    /// The first, then the others; all over the same voxels.
+    first: Grid<u16>,
+    further: Vec<Grid<u16>>,
     labels: Vec<Label>,
-    /// By index, the background first.
+    /// By index, the background of the first layer first.
     voxels: Vec<u64>,
+    /// Number of the layer by index; that of the background is the first.
+    layer: Vec<usize>,
     world_from_voxel: WorldFromVoxel,
+    added_slices: Option<usize>,
     notices: Vec<VolumeNotice>,
 }
 
@@ -120,27 +159,54 @@ impl LabelVolume {
         labels: Vec<Label>,
         world_from_voxel: WorldFromVoxel,
     ) -> Result<Self, LabelVolumeError> {
-        Self::new_while(indices, labels, world_from_voxel, &Never)
+        Self::new_while((indices, Vec::new()), labels, world_from_voxel, &Never)
     }
 
-    /// As [`Self::new`], of a volume so large that counting its voxels takes a while.
+    /// As [`Self::new`], of a first layer and further ones over the same voxels. An index means the same label in
+    /// all layers; each label has its voxels in one of them.
     ///
     /// # Errors
-    /// As [`Self::new`], and when it is cancelled.
+    /// As [`Self::new`], and when the layers differ in size or a label has voxels in two.
+    pub fn layered(
+        layers: (Grid<u16>, Vec<Grid<u16>>),
+        labels: Vec<Label>,
+        world_from_voxel: WorldFromVoxel,
+    ) -> Result<Self, LabelVolumeError> {
+        Self::new_while(layers, labels, world_from_voxel, &Never)
+    }
+
+    /// As [`Self::layered`], of a volume so large that counting its voxels takes a while.
+    ///
+    /// # Errors
+    /// As [`Self::layered`], and when it is cancelled.
     pub(crate) fn new_while(
-        indices: Grid<u16>,
+        (first, further): (Grid<u16>, Vec<Grid<u16>>),
         labels: Vec<Label>,
         world_from_voxel: WorldFromVoxel,
         cancel: &dyn Cancel,
     ) -> Result<Self, LabelVolumeError> {
-        check_dims(indices.dims())?;
+        check_dims(first.dims())?;
         check_labels(&labels)?;
-        let mut voxels = count(&indices, cancel)?;
-        if let Some(index) = (labels.len() + 1..voxels.len()).find(|index| voxels[*index] > 0) {
-            return Err(no_such_label(&indices, index, labels.len()));
+        let mut voxels = count(&first, cancel)?;
+        check_indices(&first, &voxels, labels.len())?;
+        let mut layer = vec![0; labels.len() + 1];
+        for (number, grid) in (1..).zip(&further) {
+            if grid.dims() != first.dims() {
+                return Err(LabelVolumeError::LayersDiffer { layer: number, dims: grid.dims(), first: first.dims() });
+            }
+            let own = count(grid, cancel)?;
+            check_indices(grid, &own, labels.len())?;
+            for index in (1..=labels.len()).filter(|index| own[*index] > 0) {
+                if voxels[index] > 0 {
+                    return Err(LabelVolumeError::InTwoLayers { index, layers: [layer[index], number] });
+                }
+                (voxels[index], layer[index]) = (own[index], number);
+            }
         }
         voxels.truncate(labels.len() + 1);
-        Ok(Self { indices, labels, voxels, world_from_voxel, notices: Vec::new() }.without_empty_labels())
+        let volume =
+            Self { first, further, labels, voxels, layer, world_from_voxel, added_slices: None, notices: Vec::new() };
+        Ok(volume.without_empty_labels())
     }
 
     /// A volume of axis-aligned voxels with these values, the first axis fastest; 0 is the background. Voxel
@@ -218,18 +284,21 @@ impl LabelVolume {
             return self;
         }
         let mut new_of_old = vec![0];
-        let (mut labels, mut voxels) = (Vec::new(), vec![self.voxels[0]]);
-        for (label, count) in self.labels.into_iter().zip(&self.voxels[1..]) {
-            if *count > 0 {
+        let (mut labels, mut voxels, mut layer) = (Vec::new(), vec![self.voxels[0]], vec![0]);
+        for (label, old) in self.labels.into_iter().zip(1..) {
+            if self.voxels[old] > 0 {
                 labels.push(label);
-                voxels.push(*count);
+                voxels.push(self.voxels[old]);
+                layer.push(self.layer[old]);
             }
             new_of_old.push(u16::try_from(labels.len()).unwrap_or(u16::MAX));
         }
-        for index in self.indices.as_mut_slice() {
-            *index = new_of_old[usize::from(*index)];
+        for grid in std::iter::once(&mut self.first).chain(&mut self.further) {
+            for index in grid.as_mut_slice().iter_mut().filter(|index| **index != 0) {
+                *index = new_of_old[usize::from(*index)];
+            }
         }
-        Self { labels, voxels, ..self }
+        Self { labels, voxels, layer, ..self }
     }
 
     /// The same voxels elsewhere in the world.
@@ -245,10 +314,37 @@ impl LabelVolume {
         self
     }
 
-    /// Index of a label per voxel, 0 for the background.
+    /// The same, whose first and last slice along `axis` are no slices of the file: they were added empty, because the
+    /// file keeps only slices in which something is, and the image may go on beyond them.
+    #[must_use]
+    pub fn with_added_slices(self, axis: usize) -> Self {
+        Self { added_slices: Some(axis), ..self }
+    }
+
+    /// The axis whose first and last slice were added ([`Self::with_added_slices`]).
+    #[must_use]
+    pub fn added_slices(&self) -> Option<usize> {
+        self.added_slices
+    }
+
+    /// Index of a label per voxel of the first layer, 0 for the background. Of labels that overlap others, some are in
+    /// further ones.
     #[must_use]
     pub fn indices(&self) -> &Grid<u16> {
-        &self.indices
+        &self.first
+    }
+
+    /// Index of a label per voxel, layer by layer.
+    pub fn layers(&self) -> impl Iterator<Item = &Grid<u16>> {
+        std::iter::once(&self.first).chain(&self.further)
+    }
+
+    /// The layer in which the label of an index has its voxels; the first for the background and for what is no index
+    /// here.
+    #[must_use]
+    pub fn layer_of(&self, index: u16) -> &Grid<u16> {
+        let number = self.layer.get(usize::from(index)).copied().unwrap_or(0);
+        number.checked_sub(1).and_then(|number| self.further.get(number)).unwrap_or(&self.first)
     }
 
     /// The labels, ascending; `labels()[n - 1]` is that of index n.
@@ -270,7 +366,7 @@ impl LabelVolume {
         u16::try_from(place + 1).ok()
     }
 
-    /// Number of voxels with an index: of a label, or of the background with 0.
+    /// Number of voxels with an index: of a label, or of the background of the first layer with 0.
     #[must_use]
     pub fn voxels_of(&self, index: u16) -> u64 {
         self.voxels.get(usize::from(index)).copied().unwrap_or(0)
@@ -279,7 +375,7 @@ impl LabelVolume {
     /// Voxels along each axis.
     #[must_use]
     pub fn dims(&self) -> [usize; 3] {
-        self.indices.dims()
+        self.first.dims()
     }
 
     /// Where the voxels lie.
@@ -351,6 +447,14 @@ fn count(indices: &Grid<u16>, cancel: &dyn Cancel) -> Result<Vec<u64>, Cancelled
     Ok(voxels)
 }
 
+/// Refuses an index that none of so many labels has.
+fn check_indices(indices: &Grid<u16>, voxels: &[u64], labels: usize) -> Result<(), LabelVolumeError> {
+    match (labels + 1..voxels.len()).find(|index| voxels[*index] > 0) {
+        Some(index) => Err(no_such_label(indices, index, labels)),
+        None => Ok(()),
+    }
+}
+
 fn no_such_label(indices: &Grid<u16>, index: usize, labels: usize) -> LabelVolumeError {
     let offset = indices.as_slice().iter().position(|found| usize::from(*found) == index).unwrap_or(0);
     let index = indices.as_slice()[offset];
@@ -406,6 +510,34 @@ mod tests {
     fn an_index_without_a_label_is_refused_with_its_place() {
         let error = LabelVolumeError::NoSuchLabel { voxel: [1, 0, 0], index: 7, labels: 1 };
         assert_eq!(volume(&[1, 7], &[5]).unwrap_err(), error);
+    }
+
+    fn layered(layers: &[&[u16]], values: &[i64]) -> Result<LabelVolume, LabelVolumeError> {
+        let mut grids: Vec<_> =
+            layers.iter().map(|layer| Grid::from_vec([layer.len(), 1, 1], layer.to_vec()).unwrap()).collect();
+        let first = grids.remove(0);
+        LabelVolume::layered((first, grids), values.iter().copied().map(Label::new).collect(), world())
+    }
+
+    #[test]
+    fn labels_that_share_voxels_lie_in_layers_of_their_own() {
+        let volume = layered(&[&[3, 3, 0], &[0, 1, 1]], &[5, 6, 7]).unwrap();
+        assert_eq!(values(&volume), [5, 7]);
+        assert_eq!(volume.layer_of(1).as_slice(), [0, 1, 1]);
+        assert_eq!(volume.layer_of(2).as_slice(), [2, 2, 0]);
+        assert_eq!([1, 2].map(|index| volume.voxels_of(index)), [2, 2]);
+    }
+
+    #[test]
+    fn a_label_in_two_layers_is_refused() {
+        let error = LabelVolumeError::InTwoLayers { index: 1, layers: [0, 2] };
+        assert_eq!(layered(&[&[1, 0], &[0, 0], &[1, 0]], &[5]).unwrap_err(), error);
+    }
+
+    #[test]
+    fn layers_of_different_sizes_are_refused() {
+        let error = LabelVolumeError::LayersDiffer { layer: 1, dims: [1, 1, 1], first: [2, 1, 1] };
+        assert_eq!(layered(&[&[1, 0], &[1]], &[5]).unwrap_err(), error);
     }
 
     #[test]

@@ -4,10 +4,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use medialrep::cancel::{Cancel, Cancelled};
 use medialrep::model::LatticeSize;
-use medialrep::model::Stage;
+use medialrep::model::{Stage, Structure};
 use medialrep::params::{GridChoice, Landmarks, LatticeKind, Neighbors, Params, ParamsError, Prune};
 use medialrep::pipeline::observer::Observer;
 use medialrep::pipeline::{PipelineError, run};
+use medialrep::space::{Grid, Label, LabelVolume};
 
 use crate::help::phantoms::{check_invariants, drift, first_sheet, model_of, painted, params, run_of, sheets, volume};
 
@@ -158,6 +159,37 @@ fn stray_voxels_and_cavities_are_mended_with_a_word() {
 fn an_object_cut_by_the_image_is_said() {
     let cut = painted([40, 42, 22], [1.0; 3], |at| u16::from(in_slab(at)));
     assert_eq!(warnings(&cut), ["cut_by_image"]);
+}
+
+#[test]
+fn an_object_in_the_last_slice_of_a_file_without_empty_ones_may_go_on() {
+    let low = painted([52, 42, 22], [1.0; 3], |[i, j, k]| u16::from(in_slab([i, j, k + 5])));
+    let high = painted([52, 42, 16], [1.0; 3], |at| u16::from(in_slab(at)));
+    for volume in [low, high] {
+        assert_eq!(warnings(&volume), Vec::<&str>::new());
+        assert_eq!(warnings(&volume.with_added_slices(2)), ["edge_unknown"]);
+    }
+}
+
+#[test]
+fn labels_that_overlap_are_each_computed_as_if_alone() {
+    let dims = [52, 42, 30];
+    let thick = |[i, j, k]: [usize; 3]| in_slab([i, j, k.saturating_sub(4)]);
+    let grid = |index: u16, is_inside: &dyn Fn([usize; 3]) -> bool| {
+        let alone = painted(dims, [1.0; 3], |at| u16::from(is_inside(at)));
+        let indices = alone.indices().as_slice().iter().map(|one| one * index).collect();
+        (alone, Grid::from_vec(dims, indices).expect("as many as before"))
+    };
+    let ((first, below), (second, above)) = (grid(1, &in_slab), grid(2, &thick));
+    let labels = vec![Label::new(3), Label::new(7)];
+    let both = LabelVolume::layered((below, vec![above]), labels, first.world_from_voxel()).expect("two layers");
+    let model = model_of(&both, params());
+    for (structure, alone) in model.structures.iter().zip([first, second]) {
+        let alone = &model_of(&alone, params()).structures[0];
+        assert_eq!(structure.voxels, alone.voxels);
+        let of = |structure: &Structure| structure.sheets().next().expect("a sheet").medial.clone();
+        assert_eq!(of(structure), of(alone));
+    }
 }
 
 #[test]

@@ -10,9 +10,12 @@ use crate::space::LabelVolume;
 /// else int32. Equal volumes give equal bytes.
 ///
 /// # Errors
-/// When writing fails, an axis is longer than NIfTI-1 can say, or a label is no int32.
+/// When writing fails, an axis is longer than NIfTI-1 can say, a label is no int32, or labels overlap.
 pub fn write(volume: &LabelVolume, out: impl Write) -> io::Result<()> {
     let unfit = |what: &str| io::Error::new(io::ErrorKind::InvalidInput, format!("{what} does not fit NIfTI-1"));
+    if volume.layers().count() > 1 {
+        return Err(unfit("a label that overlaps another"));
+    }
     let fits = |low: i64, high: i64| volume.labels().iter().all(|label| (low..=high).contains(&label.value));
     let size = match () {
         () if fits(0, 255) => 1,

@@ -62,9 +62,17 @@ pub struct Label {
 /// # Errors
 /// When it is cancelled.
 pub fn label_boxes(volume: &LabelVolume, cancel: &dyn Cancel) -> Result<Vec<Option<LabelBox>>, Cancelled> {
-    let [nx, ny, _] = volume.dims();
     let mut boxes: Vec<Option<LabelBox>> = vec![None; volume.labels().len() + 1];
-    for (row, values) in volume.indices().as_slice().chunks_exact(nx).enumerate() {
+    for layer in volume.layers() {
+        add_boxes(layer, &mut boxes, cancel)?;
+    }
+    Ok(boxes)
+}
+
+/// Takes the voxels of a layer into the boxes of their labels.
+fn add_boxes(layer: &Grid<u16>, boxes: &mut [Option<LabelBox>], cancel: &dyn Cancel) -> Result<(), Cancelled> {
+    let [nx, ny, _] = layer.dims();
+    for (row, values) in layer.as_slice().chunks_exact(nx).enumerate() {
         cancel.check()?;
         let (j, k) = (row % ny, row / ny);
         let mut i = 0;
@@ -78,7 +86,7 @@ pub fn label_boxes(volume: &LabelVolume, cancel: &dyn Cancel) -> Result<Vec<Opti
             i += run;
         }
     }
-    Ok(boxes)
+    Ok(())
 }
 
 /// Refuses a label that lies all around the image: a background that is not 0, or that of an inverted mask.
@@ -100,14 +108,39 @@ pub(crate) fn refuse_background(volume: &LabelVolume, label: Label) -> Result<()
     Err(Refusal::Background { label: value, share })
 }
 
-/// Warns of a label that touches the edge of the image.
+/// Warns of a label that touches the edge of the image, or the last slices that the file has where the image may go on
+/// beyond them.
 pub(super) fn warn_if_cut(volume: &LabelVolume, label: Label, context: &Context<'_>) {
+    if let Some(axis) = volume.added_slices() {
+        warn_if_edge_is_unknown(volume, label, axis, context);
+    }
     let cut = voxels_on_edge(volume, label);
     if cut > 0 {
         let message =
             format!("the object touches the edge of the image with {cut} voxels: what lies beyond is missing");
         context.warn("cut_by_image", message);
     }
+}
+
+/// Warns of a label in the first or last slice of a file that keeps no empty ones: whether it ended there or the image did
+/// is not told. The slices beyond were added when the file was read.
+fn warn_if_edge_is_unknown(volume: &LabelVolume, label: Label, axis: usize, context: &Context<'_>) {
+    let (low, high, last) = (label.bounds.low[axis], label.bounds.high[axis], volume.dims()[axis].saturating_sub(2));
+    let ends: &[usize] = match (low == 1, high == last) {
+        (true, true) if last > 1 => &[1, last],
+        (true, _) => &[1],
+        (false, true) => &[last],
+        (false, false) => return,
+    };
+    let mut voxels = 0;
+    for slice in ends {
+        voxels += voxels_on_face(volume, label.index, axis, *slice);
+    }
+    let message = format!(
+        "the object has {voxels} voxels in the first or last slice of the file, which keeps no empty slices: \
+         whether the image goes on beyond them, and the object ends there, is not known"
+    );
+    context.warn("edge_unknown", message);
 }
 
 /// Voxels of a label on the faces of the image; one on an edge of the image is of both faces there.
@@ -129,12 +162,13 @@ fn voxels_on_edge(volume: &LabelVolume, label: Label) -> usize {
 fn voxels_on_face(volume: &LabelVolume, index: u16, axis: usize, face: usize) -> usize {
     let dims = volume.dims();
     let (p, q) = ((axis + 1) % 3, (axis + 2) % 3);
+    let layer = volume.layer_of(index);
     let mut count = 0;
     for x in 0..dims[p] {
         for y in 0..dims[q] {
             let mut at = [0; 3];
             (at[axis], at[p], at[q]) = (face, x, y);
-            count += usize::from(volume.indices()[at] == index);
+            count += usize::from(layer[at] == index);
         }
     }
     count
@@ -151,7 +185,7 @@ pub(super) fn cut_out(volume: &LabelVolume, label: Label, cancel: &dyn Cancel) -
         size[axis] = bounds.high[axis] - bounds.low[axis] + 3;
     }
     let world_from_crop = volume.world_from_voxel().shifted_to(first);
-    let crop = Crop { volume, label, axes: nearest_axes(&world_from_crop), size };
+    let crop = Crop { layer: volume.layer_of(label.index), label, axes: nearest_axes(&world_from_crop), size };
     let mut mask = Grid::filled(crop.dims(), false);
     let rows = mask.as_mut_slice().par_chunks_mut(crop.dims()[0]);
     rows.enumerate().with_min_len(ROWS_PER_TASK).try_for_each(|(row, out)| {
@@ -173,7 +207,8 @@ struct Axis {
 
 /// A label on its way out of the volume.
 struct Crop<'a> {
-    volume: &'a LabelVolume,
+    /// The layer that the label is in.
+    layer: &'a Grid<u16>,
     label: Label,
     axes: [Axis; 3],
     /// Voxels of the box and the free ones around it, along the axes of the volume.
@@ -192,7 +227,7 @@ impl Crop<'_> {
         for (Axis { number, is_reversed }, x) in self.axes.into_iter().zip(at) {
             from[number] = self.label.bounds.low[number] + if is_reversed { self.size[number] - 2 - x } else { x - 1 };
         }
-        self.volume.indices().offset(from)
+        self.layer.offset(from)
     }
 
     /// Fills a row of the mask. Its voxels lie at equal steps in the volume, whatever axis it follows there.
@@ -206,7 +241,7 @@ impl Crop<'_> {
         let step = from.abs_diff(to) / (width - 3).max(1);
         for (n, cell) in out[1..width - 1].iter_mut().enumerate() {
             let offset = if from <= to { from + n * step } else { from - n * step };
-            *cell = self.volume.indices().as_slice()[offset] == self.label.index;
+            *cell = self.layer.as_slice()[offset] == self.label.index;
         }
     }
 

@@ -121,6 +121,7 @@ pub fn structure(label: i64, sheets: Vec<Sheet>) -> Structure {
         label,
         name: None,
         color: None,
+        code: None,
         voxels: 3600,
         volume_mm3: 3600.0,
         working_voxel_mm: 1.0,

@@ -192,7 +192,7 @@ impl Walk {
         for (value, entry) in self.entries {
             let name = Some(entry.name).filter(|name| !name.is_empty());
             let color = entry.color.map(|parts| parts.map(|part| byte(part * scale)));
-            labels.insert(value, Label { value, name, color });
+            labels.insert(value, Label { value, name, color, code: None });
         }
         Ok(LabelTable { labels })
     }
@@ -248,7 +248,7 @@ mod tests {
     }
 
     fn told(value: i64, name: &str, color: [u8; 3]) -> (i64, Label) {
-        (value, Label { value, name: Some(name.to_owned()), color: Some(color) })
+        (value, Label { value, name: Some(name.to_owned()), color: Some(color), code: None })
     }
 
     #[track_caller]

@@ -55,7 +55,7 @@ pub(in crate::formats) fn read(stream: &mut Stream<'_>, limits: InputLimits) -> 
     voxels.tell(&mut notices);
     describe(&mut voxels.labels, table);
     let indices = Grid::from_vec(layout.dims, voxels.indices).expect("exactly that many voxels were read");
-    let volume = LabelVolume::new_while(indices, voxels.labels, world_from_voxel, stream.cancel())?;
+    let volume = LabelVolume::new_while((indices, Vec::new()), voxels.labels, world_from_voxel, stream.cancel())?;
     let format = format_name(version, stream.is_compressed());
     Ok(Found { volume: volume.with_notices(notices), format })
 }

@@ -23,6 +23,7 @@ use super::ordered::Ordered;
 use super::rounded::{Rounded, triples};
 use crate::formats::params_json::params_to_json;
 use crate::model::{Junction, Model, Refusal, Stage, StageTimings, Structure, Warning};
+use crate::space::LabelCode;
 
 pub use super::ordered::Ordered as Named;
 pub use super::rounded::Rounded as Number;
@@ -132,6 +133,9 @@ pub struct StructureDoc {
     /// `#rrggbb`.
     #[serde(default)]
     pub color: Option<String>,
+    /// What it is, by a code of a terminology.
+    #[serde(default)]
+    pub code: Option<CodeDoc>,
     pub voxels: u64,
     pub volume_mm3: Rounded,
     /// Voxels that the figures stand for, over those sent.
@@ -157,6 +161,15 @@ pub struct StructureDoc {
     pub warnings: Vec<WarningDoc>,
     /// Of each stage by its name, and `total`.
     pub timings_ms: Ordered<Rounded>,
+}
+
+/// A code of a terminology: `64033007` of `SCT` is `Kidney`.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[allow(missing_docs, reason = "fields are those of LabelCode")]
+pub struct CodeDoc {
+    pub value: String,
+    pub scheme: String,
+    pub meaning: String,
 }
 
 /// What `auto` became; grid, neighbours and landmarks are with the figures.
@@ -292,6 +305,7 @@ impl StructureDoc {
             label: structure.label,
             name: structure.name.clone(),
             color: structure.color.map(hex_color),
+            code: structure.code.as_ref().map(CodeDoc::from),
             voxels: structure.voxels,
             volume_mm3: Rounded(structure.volume_mm3),
             kept_share: structure.refusal.is_none().then_some(Rounded(structure.quality.kept.kept)),
@@ -327,6 +341,12 @@ impl PartDoc {
             thickness_summary: structure.part_thickness(index).into(),
             coverage: part.coverage.into(),
         }
+    }
+}
+
+impl From<&LabelCode> for CodeDoc {
+    fn from(code: &LabelCode) -> Self {
+        Self { value: code.value.clone(), scheme: code.scheme.clone(), meaning: code.meaning.clone() }
     }
 }
 
