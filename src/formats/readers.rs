@@ -5,10 +5,9 @@ use std::io::Read;
 use std::path::Path;
 
 use super::read::answers::{Found, Sniffed};
-use super::read::nifti;
 use super::read::sniff::{GZIP_MAGIC, guess};
 use super::read::stream::Stream;
-use super::read::{HeaderFacts, InputLimits, ReadError};
+use super::read::{HeaderFacts, InputLimits, ReadError, dicom, nifti};
 use crate::cancel::{Cancel, Never};
 use crate::space::{LabelVolume, VolumeNotice};
 
@@ -29,17 +28,31 @@ pub struct Reader {
 }
 
 /// All of them, in the order in which they are asked.
-pub static READERS: &[Reader] = &[Reader {
-    name: "NIfTI",
-    versions: &["NIfTI-1", "NIfTI-2"],
-    endings: &[".nii", ".nii.gz"],
-    sniff: nifti::sniff,
-    header: nifti::header,
-    read: nifti::read,
-}];
+pub static READERS: &[Reader] = &[
+    Reader {
+        name: "NIfTI",
+        versions: &["NIfTI-1", "NIfTI-2"],
+        endings: &[".nii", ".nii.gz"],
+        sniff: nifti::sniff,
+        header: nifti::header,
+        read: nifti::read,
+    },
+    Reader {
+        name: "DICOM SEG",
+        versions: &["DICOM SEG"],
+        endings: &[".dcm"],
+        sniff: dicom::sniff,
+        header: dicom::header,
+        read: dicom::read,
+    },
+];
 
 /// Bytes of a file that [`check_magic`] needs to see: as many as the most curious reader.
-pub const MAGIC_BYTES: usize = nifti::KIND_BYTES;
+pub const MAGIC_BYTES: usize = most(nifti::KIND_BYTES, dicom::SNIFF_BYTES);
+
+const fn most(a: usize, b: usize) -> usize {
+    if a > b { a } else { b }
+}
 
 /// Bytes tolerated after the last voxel, in gzip and after it: some tools pad or append. More means that the header
 /// does not describe the file.
@@ -54,7 +67,7 @@ pub struct ReadVolume {
     pub sha256: String,
     /// Bytes of the file as sent.
     pub bytes: u64,
-    /// The format with its version and packing: `nifti1`, `nifti1.gz`, `nifti2` or `nifti2.gz`.
+    /// The format with its version and packing: `nifti1`, `nifti2`, `dicom_seg`, each also with `.gz`.
     pub format: &'static str,
 }
 

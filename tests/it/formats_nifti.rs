@@ -415,7 +415,8 @@ fn labels_have_the_names_and_colours_of_a_table_in_the_header() {
     for (version, big_endian) in [(1, false), (1, true), (2, false), (2, true)] {
         for records in [vec![(0, &*table)], vec![(6, "a comment"), (30, &table), (32, "<a/>")]] {
             let read = read_ok(&extended(version, big_endian, &records).bytes());
-            let named = Label { value: 3, name: Some("left caudate".to_owned()), color: Some([0, 153, 255]) };
+            let named =
+                Label { value: 3, name: Some("left caudate".to_owned()), color: Some([0, 153, 255]), code: None };
             assert_eq!(read.volume.labels()[2], named);
             assert_eq!(read.volume.labels()[3], Label::new(4));
             assert_eq!((read.volume.labels().len(), notices(&read)), (23, Vec::new()));

@@ -3,6 +3,7 @@
 
 use std::borrow::Cow;
 
+use super::dicom::DicomError;
 use crate::cancel::Cancelled;
 use crate::space::LabelVolumeError;
 
@@ -133,6 +134,9 @@ pub enum ReadError {
         /// Labels allowed.
         allowed: usize,
     },
+    /// What is wrong with a DICOM file, or not read of it.
+    #[error(transparent)]
+    Dicom(Box<DicomError>),
     /// The file could not be read at all: our fault or the disk's.
     #[error("reading failed: {0}")]
     Io(std::io::Error),
@@ -176,6 +180,7 @@ impl ReadError {
             Self::NotALabelMap { .. } => "not_a_label_map",
             Self::WrongByteOrder { .. } => "wrong_byte_order",
             Self::TooManyLabels { .. } => "too_many_labels",
+            Self::Dicom(error) => error.code(),
             Self::Io(_) => "internal",
             Self::Cancelled(_) => "cancelled",
         }
@@ -200,11 +205,12 @@ impl ReadError {
             | Self::BadAffine { .. }
             | Self::NotALabelMap { .. }
             | Self::TooManyLabels { .. } => 422,
+            Self::Dicom(error) => error.status(),
             Self::Io(_) | Self::Cancelled(_) => 500,
         }
     }
 
-    /// A header field or a byte offset (decompressed).
+    /// A header field, a path of tags or a byte offset (decompressed).
     #[must_use]
     pub fn location(&self) -> String {
         match self {
@@ -220,6 +226,7 @@ impl ReadError {
             Self::UnsupportedDatatype { .. } => "header.datatype".to_owned(),
             Self::BadHeaderField { field, .. } | Self::BadAffine { field, .. } => format!("header.{field}"),
             Self::NotALabelMap { voxel, .. } | Self::WrongByteOrder { voxel, .. } => format!("voxel {voxel:?}"),
+            Self::Dicom(error) => error.location(),
             Self::TooManyLabels { .. } | Self::Io(_) | Self::Cancelled(_) => "the voxels".to_owned(),
         }
     }
@@ -232,6 +239,7 @@ impl ReadError {
                 return format!("{advice}, and send the mask as {read_from}").into();
             }
             Self::UnknownFormat { read_from, .. } => return format!("send the mask as {read_from}").into(),
+            Self::Dicom(error) => return error.hint(),
             Self::TwoFileNifti => "save it as a single file (.nii or .nii.gz)",
             Self::Truncated { .. } | Self::CorruptGzip { .. } | Self::BadChecksum => {
                 "send the file again; if that does not help, export it again"

@@ -11,5 +11,8 @@ pub(super) mod stream;
 
 pub(super) mod nifti;
 
+pub(super) mod dicom;
+
 pub use answers::{HeaderFacts, InputLimits};
+pub use dicom::{DicomError, DicomFault};
 pub use error::ReadError;
