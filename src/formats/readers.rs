@@ -142,13 +142,21 @@ fn reader_of(head: &[u8]) -> Result<&'static Reader, ReadError> {
 
 /// `NIfTI`, and what else there is.
 fn names() -> String {
-    READERS.iter().map(|reader| reader.name).collect::<Vec<_>>().join(" or ")
+    either(READERS.iter().map(|reader| reader.name.to_owned()).collect())
 }
 
 /// `NIfTI (.nii or .nii.gz)`, and what else there is.
 fn names_with_endings() -> String {
     let each = READERS.iter().map(|reader| format!("{} ({})", reader.name, reader.endings.join(" or ")));
-    each.collect::<Vec<_>>().join(" or ")
+    either(each.collect())
+}
+
+/// `a`, `a or b`, `a, b or c`.
+fn either(mut names: Vec<String>) -> String {
+    match (names.pop(), names.is_empty()) {
+        (Some(last), false) => format!("{} or {last}", names.join(", ")),
+        (last, _) => last.unwrap_or_default(),
+    }
 }
 
 /// Every version that is read: `NIfTI-1 (.nii, .nii.gz)`.
@@ -162,11 +170,10 @@ pub fn versions_with_endings() -> Vec<String> {
     all
 }
 
-/// Every version that is read, in a sentence: `NIfTI-1 or NIfTI-2`.
+/// Every version that is read, in a sentence: `NIfTI-1, NIfTI-2 or DICOM SEG`.
 #[must_use]
 pub fn versions() -> String {
-    let all: Vec<&str> = READERS.iter().flat_map(|reader| reader.versions).copied().collect();
-    all.join(" or ")
+    either(READERS.iter().flat_map(|reader| reader.versions).map(|version| (*version).to_owned()).collect())
 }
 
 /// Reads to the end: only then has gzip compared its checksum, and is the hash that of the
@@ -186,10 +193,11 @@ mod tests {
     #[test]
     fn what_no_reader_takes_is_refused_with_what_is_read() {
         let error = check_magic(b"{}").unwrap_err();
-        assert_eq!(error.to_string(), "the file is not a NIfTI image: it looks like JSON");
-        assert_eq!(error.hint(), "send the mask as NIfTI (.nii or .nii.gz)");
+        assert_eq!(error.to_string(), "the file is not a NIfTI or DICOM SEG image: it looks like JSON");
+        assert_eq!(error.hint(), "send the mask as NIfTI (.nii or .nii.gz) or DICOM SEG (.dcm)");
         let error = check_magic(b"version https://git-lfs.github.com/spec/v1\n").unwrap_err();
-        let hint = "fetch the file itself (git lfs pull), and send the mask as NIfTI (.nii or .nii.gz)";
+        let hint =
+            "fetch the file itself (git lfs pull), and send the mask as NIfTI (.nii or .nii.gz) or DICOM SEG (.dcm)";
         assert_eq!(error.hint(), hint);
     }
 }

@@ -15,6 +15,12 @@ mod formats_nifti;
 
 mod formats_nifti_refused;
 
+mod formats_dicom;
+
+mod formats_dicom_refused;
+
+mod formats_dicom_hostile;
+
 mod formats_real_files;
 
 mod fuzz_corpus;

@@ -70,9 +70,6 @@ pub(in crate::formats) fn guess(head: &[u8]) -> Option<Look> {
     if head.is_empty() {
         return look("an empty file", None);
     }
-    if head.get(128..132) == Some(b"DICM") {
-        return look("DICOM", None);
-    }
     if is_mgh(head) {
         return look("a FreeSurfer volume (.mgz, .mgh)", Some("convert it (mri_convert mask.mgz mask.nii.gz)"));
     }
@@ -147,7 +144,6 @@ mod tests {
         let mgh: Vec<u8> = [1_i32, 8, 9, 10, 1, 3, 0].iter().flat_map(|n| n.to_be_bytes()).collect();
         let xml = "<?xml version=\"1.0\"?>\n";
         for (bytes, part) in [
-            (at(128, b"DICM"), "DICOM"),
             (at(257, b"ustar"), "tar"),
             (b"NRRD0004".to_vec(), "NRRD"),
             (mgh, "FreeSurfer volume"),

@@ -36,6 +36,24 @@ impl Kind {
     }
 }
 
+/// Whether frames of bits begin at new bytes, by the length of pixels that are not compressed. Where both ways have the
+/// same length, it is that of the standard.
+///
+/// # Errors
+/// When the length is neither.
+pub(super) fn begins_at_bytes(kind: Kind, plane: usize, frames: usize, pixels: Head) -> Result<bool, ReadError> {
+    let at_bytes = kind.frame_bytes(plane) as u64 * frames as u64;
+    let needed = if kind == Kind::Bits { (plane as u64 * frames as u64).div_ceil(8) } else { at_bytes };
+    let got = u64::from(pixels.length);
+    // A zero pads an odd number of bytes.
+    let fits = |bytes: u64| got == bytes || got == bytes.next_multiple_of(2);
+    match (fits(needed), fits(at_bytes)) {
+        (true, _) if pixels.length != UNDEFINED => Ok(false),
+        (false, true) if pixels.length != UNDEFINED => Ok(true),
+        _ => Err(DicomFault::PixelLength { got, needed }.at(TagPath::top(Tag::PIXELS))),
+    }
+}
+
 /// What is known of the pixels before they come.
 pub(super) struct Frames<'a> {
     pub kind: Kind,
@@ -95,22 +113,14 @@ impl<'a, 'l, 'c> Painter<'a, 'l, 'c> {
         notices: &mut Vec<VolumeNotice>,
     ) -> Result<(), ReadError> {
         let (kind, plane, count) = (self.frames.kind, self.frames.plane, self.frames.frames.len());
-        let padded = kind.frame_bytes(plane) as u64 * count as u64;
-        let needed = if kind == Kind::Bits { (plane as u64 * count as u64).div_ceil(8) } else { padded };
-        let got = u64::from(head.length);
-        // A zero pads an odd number of bytes.
-        let fits = |bytes: u64| got == bytes || got == bytes.next_multiple_of(2);
-        let is_padded = !fits(needed);
-        if head.length == UNDEFINED || (is_padded && !fits(padded)) {
-            return Err(DicomFault::PixelLength { got, needed }.at(TagPath::top(Tag::PIXELS)));
-        }
+        let is_padded = begins_at_bytes(kind, plane, count, head)?;
         if is_padded {
             let message = "each frame begins at a new byte, where the standard lets bits run on".to_owned();
             notices.push(VolumeNotice { code: "frames_padded", message });
         }
         self.is_big_endian = syntax.is_big_endian;
         let swaps = syntax.is_big_endian && head.kind == Some(*b"OW") && kind != Kind::Labels16;
-        let mut pixels = Pixels { source, left: got, swaps, next: None };
+        let mut pixels = Pixels { source, left: u64::from(head.length), swaps, next: None };
         let step_bits = match kind {
             Kind::Bits if !is_padded => plane,
             _ => 8 * kind.frame_bytes(plane),

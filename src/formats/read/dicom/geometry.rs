@@ -153,7 +153,7 @@ impl Slices {
         let mut gaps: Vec<f64> = self.depth_mm.windows(2).map(|pair| pair[1] - pair[0]).collect();
         let all = gaps.clone();
         gaps.sort_by(f64::total_cmp);
-        let step_mm = gaps.get(gaps.len() / 2).copied().unwrap_or(0.0).max(rounding(plane));
+        let step_mm = gaps.get(gaps.len().saturating_sub(1) / 2).copied().unwrap_or(0.0).max(rounding(plane));
         let off = |gap: f64| (gap - (gap / step_mm).round().max(1.0) * step_mm).abs();
         let mut worst = (1, 0.0);
         for (slice, gap) in (1..).zip(all) {

@@ -30,12 +30,12 @@ mod frames;
 
 mod rle;
 
-use self::frames::{Frames, Painter};
+use self::frames::{Frames, Painter, begins_at_bytes};
 use self::geometry::SLICES;
 use self::layers::Layers;
 use self::seg::Described;
 use self::source::Source;
-use self::syntax::{MAGIC, PREAMBLE_BYTES, Transfer, read_transfer};
+use self::syntax::{MAGIC, PREAMBLE_BYTES, Packing, Transfer, read_transfer};
 use self::walk::Walk;
 use super::answers::{Found, HeaderFacts, InputLimits, Sniffed};
 use super::error::ReadError;
@@ -60,6 +60,9 @@ pub(in crate::formats) fn sniff(head: &[u8]) -> Sniffed {
 pub(in crate::formats) fn header(stream: &mut Stream<'_>, limits: InputLimits) -> Result<HeaderFacts, ReadError> {
     let (mut walk, transfer) = begin(stream, limits)?;
     let described = Described::read(&mut walk, limits.max_voxels, &mut Vec::new())?;
+    if transfer.pixels == Packing::Plain {
+        begins_at_bytes(described.kind, described.plane, described.frames.len(), described.pixels)?;
+    }
     let voxels = described.stack.dims.iter().product::<usize>() as u64;
     let is_compressed = walk.source.stream().is_compressed() || transfer.is_compressed();
     Ok(HeaderFacts { voxels, is_compressed })
