@@ -7,6 +7,9 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use medialrep::params::{Given, PARAMS, Shape};
 
+use super::dicom_bytes::{
+    BIG_ENDIAN, DEFLATED, DEFLATED_FRAMES, Dicom, EXPLICIT, IMPLICIT, RLE, Seg, frame, short, text,
+};
 use super::nifti_bytes::{Nifti, gzip};
 
 /// Writes them to the folder that `FUZZ_SEEDS` names, if it names one; a target does so before it
@@ -54,6 +57,29 @@ pub fn nifti() -> Vec<Vec<u8>> {
     // One byte more than is tolerated after the voxels, and than may come out of gzip.
     files.push(with_zeros(&plain, (1 << 20) + 1));
     files.push(with_zeros(&Nifti { vox_offset: 4_194_304.0, ..Nifti::small(1) }.bytes(), 2 << 20));
+    files
+}
+
+/// Every kind of segmentation in every transfer syntax, with lengths told and ends marked; segments that overlap, one slice,
+/// frames of bits that begin at new bytes.
+pub fn dicom() -> Vec<Vec<u8>> {
+    let mut files = Vec::new();
+    for transfer in [EXPLICIT, IMPLICIT, BIG_ENDIAN, DEFLATED, RLE, DEFLATED_FRAMES] {
+        for seg in [Seg::small(), Seg::labelmap(8), Seg::labelmap(16), Seg::fractional(255)] {
+            let dicom = seg.with(transfer).dicom();
+            files.push(Dicom { marks_ends: true, ..dicom.clone() });
+            files.push(dicom);
+        }
+    }
+    let small = Seg::small();
+    files.push(Seg { pads_frames: true, ..small.clone() }.dicom());
+    files.push(Seg { frames: (1..4).map(|segment| frame(segment, 0, |_| 1)).collect(), ..small.clone() }.dicom());
+    let mut named = small.dicom();
+    named.set(text(0x0008_0005, "CS", "ISO_IR 192"));
+    named.set(short(0x0062_000e, 200));
+    files.push(named);
+    let mut files: Vec<Vec<u8>> = files.iter().map(Dicom::bytes).collect();
+    files.push(gzip(&files[0]));
     files
 }
 

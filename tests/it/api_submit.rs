@@ -9,6 +9,7 @@ use axum::http::{Method, Request};
 use futures_util::stream;
 use medialrep::jobs::place::Place;
 
+use crate::help::dicom_bytes::{Dicom, Seg};
 use crate::help::support::{CANARY, Server, id_of, logged, mask, writes};
 
 /// A form of parts: name, file name, content.
@@ -226,6 +227,19 @@ async fn a_full_queue_says_so_and_still_serves_the_rest() {
     assert_eq!(server.get(&last).await.json()["queue_position"], 5);
     assert_eq!(server.call(axum::http::Method::DELETE, &last).await.status, 204);
     server.submit().await;
+}
+
+#[tokio::test]
+async fn a_segmentation_is_taken_as_any_mask() {
+    let server = Server::start(writes()).await;
+    let answer = server.post("/v1/jobs", Seg::small().bytes()).await;
+    assert_eq!(answer.status, 202, "{}", answer.text());
+    server.job_in(answer.header("location"), "succeeded").await;
+    let compressed = Dicom { transfer: "1.2.840.10008.1.2.4.90".to_owned(), ..Seg::small().dicom() };
+    let answer = server.post("/v1/jobs", compressed.bytes()).await;
+    let problem = answer.json();
+    assert_eq!((answer.status.as_u16(), &problem["code"]), (422, &"unsupported_transfer_syntax".into()));
+    assert!(!problem.to_string().contains(CANARY) && !logged().contains(CANARY));
 }
 
 #[tokio::test]

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
+use crate::help::dicom_bytes::{Frame, Seg};
 use crate::help::nifti_bytes::Nifti;
 
 fn medialrep(arguments: &[&str]) -> Output {
@@ -27,6 +28,42 @@ fn a_refused_file_ends_with_3_and_one_line() {
     }
     assert!(done.stdout.is_empty());
     assert_eq!(std::fs::read_dir(out).unwrap().count(), 0);
+}
+
+#[test]
+fn a_segmentation_gives_the_result_of_the_same_mask() {
+    let folder = tempfile::tempdir().unwrap();
+    let is_inside = |[x, y, z]: [usize; 3]| (4..44).contains(&x) && (4..30).contains(&y) && (2..10).contains(&z);
+    let document = |name: &str, bytes: Vec<u8>| {
+        let (mask, out) = (folder.path().join(name), folder.path().join(format!("{name}-out")));
+        std::fs::write(&mask, bytes).unwrap();
+        let done = medialrep(&["run", text(&mask), "--out", text(&out)]);
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        let json = std::fs::read(out.join("thickness.json")).unwrap();
+        let mut document: serde_json::Value = serde_json::from_slice(&json).unwrap();
+        for part in ["input", "timings_ms"] {
+            document.as_object_mut().unwrap().remove(part);
+        }
+        document["structures"][0].as_object_mut().unwrap().remove("timings_ms");
+        document
+    };
+    let [columns, rows, slices] = [48, 34, 12];
+    let pixels = |z| (0..rows).flat_map(|y| (0..columns).map(move |x| [x, y, z])).map(|at| u16::from(is_inside(at)));
+    let place = |z: usize| [10.0, 20.0, 30.0 + z as f64];
+    let frames = (2..10).map(|z| Frame { position: place(z), segment: 1, pixels: pixels(z).collect() }).collect();
+    let seg = Seg { columns, rows, frames, spacing: [1.0; 3], segments: vec![1], ..Seg::small() };
+    let mut from_seg = document("mask.dcm", seg.bytes());
+    let warnings = from_seg["structures"][0]["warnings"].take();
+    assert_eq!(warnings[0]["code"], "edge_unknown");
+    assert_eq!(from_seg["structures"][0]["name"].take(), "part 1");
+    let [nx, ny, nz] = [columns, rows, slices].map(|n| i64::try_from(n).unwrap());
+    let mut nifti = Nifti { dim: [3, nx, ny, nz, 1, 1, 1, 1], ..Nifti::small(1) };
+    nifti.srow = [[-1.0, 0.0, 0.0, -10.0], [0.0, -1.0, 0.0, -20.0], [0.0, 0.0, 1.0, 30.0]];
+    nifti.pixdim = [1.0; 8];
+    nifti.voxels = (0..slices).flat_map(|z| pixels(z).map(|pixel| u8::from(pixel > 0)).collect::<Vec<_>>()).collect();
+    let mut from_nifti = document("mask.nii", nifti.bytes());
+    from_nifti["structures"][0]["warnings"].take();
+    assert_eq!(from_seg, from_nifti);
 }
 
 #[test]

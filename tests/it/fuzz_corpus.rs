@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use crate::help::nifti_bytes;
+use crate::help::{dicom_bytes, nifti_bytes};
 
+#[path = "../../fuzz/bodies/mask.rs"]
+mod mask;
 #[path = "../../fuzz/bodies/multipart.rs"]
 mod multipart;
-#[path = "../../fuzz/bodies/nifti.rs"]
-mod nifti;
 #[path = "../../fuzz/bodies/params.rs"]
 mod params;
 #[allow(dead_code, reason = "the targets write them to a folder")]
@@ -29,10 +29,12 @@ fn replay(target: &str, check: impl Fn(&[u8])) {
 
 #[test]
 fn every_fuzzed_input_is_answered_by_the_reader() {
-    replay("nifti", |bytes| {
-        nifti::check(bytes);
-        nifti::check_in_gzip(bytes);
-    });
+    for target in ["nifti", "dicom"] {
+        replay(target, |bytes| {
+            mask::check(bytes);
+            mask::check_in_gzip(bytes);
+        });
+    }
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Any bytes as a NIfTI file: what the header check refuses the reader refuses, what is read fits
+//! Any bytes as a file of any format: what the header check refuses the reader refuses, what is read fits
 //! together, and gzip around it changes nothing.
 
 use std::io::Write;
@@ -54,19 +54,24 @@ pub fn check_in_gzip(bytes: &[u8]) {
 
 fn check_volume(found: &ReadVolume) {
     let volume = &found.volume;
-    let indices = volume.indices().as_slice();
-    assert_eq!(volume.dims().iter().product::<usize>(), indices.len());
-    assert!(indices.len() as u64 <= LIMITS.max_voxels);
+    let count = volume.indices().as_slice().len();
+    assert_eq!(volume.dims().iter().product::<usize>(), count);
+    assert!(count as u64 <= LIMITS.max_voxels);
+    assert!((volume.layers().count() * count) as u64 <= 4 * LIMITS.max_voxels);
     let labels = volume.labels();
     assert!(labels.is_sorted_by(|a, b| a.value < b.value) && labels.iter().all(|label| label.value != 0));
     for name in labels.iter().filter_map(|label| label.name.as_deref()) {
         assert!(!name.is_empty() && name.chars().count() <= 80 && !name.chars().any(char::is_control));
     }
     let mut voxels = vec![0; labels.len() + 1];
-    indices.iter().for_each(|index| voxels[usize::from(*index)] += 1);
-    for (index, voxels) in (0..=u16::MAX).zip(voxels) {
-        assert_eq!(volume.voxels_of(index), voxels);
-        assert!(index == 0 || voxels > 0);
+    for layer in volume.layers() {
+        assert_eq!(layer.dims(), volume.dims());
+        layer.as_slice().iter().for_each(|index| voxels[usize::from(*index)] += 1);
+    }
+    for (index, voxels) in (1..=u16::MAX).zip(&voxels[1..]) {
+        assert_eq!(volume.voxels_of(index), *voxels);
+        let own = volume.layer_of(index).as_slice().iter().filter(|found| **found == index).count();
+        assert!(*voxels > 0 && own as u64 == *voxels);
     }
     let world_from_voxel = volume.world_from_voxel();
     assert!(world_from_voxel.rows().iter().flatten().all(|entry| entry.is_finite()));
