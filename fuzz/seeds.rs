@@ -60,8 +60,8 @@ pub fn nifti() -> Vec<Vec<u8>> {
     files
 }
 
-/// Every kind of segmentation in every transfer syntax, with lengths told and ends marked; segments that overlap, one slice,
-/// frames of bits that begin at new bytes.
+/// Every kind of segmentation in every transfer syntax, with lengths told and ends marked; segments that overlap, one
+/// slice, frames of bits that begin at new bytes.
 pub fn dicom() -> Vec<Vec<u8>> {
     let mut files = Vec::new();
     for transfer in [EXPLICIT, IMPLICIT, BIG_ENDIAN, DEFLATED, RLE, DEFLATED_FRAMES] {

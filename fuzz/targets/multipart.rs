@@ -8,11 +8,11 @@ use libfuzzer_sys::fuzz_target;
 
 #[path = "../bodies/multipart.rs"]
 mod body;
-#[path = "../memory.rs"]
-mod memory;
 #[allow(dead_code, reason = "the seeds of the other targets are there too")]
 #[path = "../../tests/it/help/dicom_bytes.rs"]
 mod dicom_bytes;
+#[path = "../memory.rs"]
+mod memory;
 #[allow(dead_code, reason = "the seeds of the other targets are there too")]
 #[path = "../../tests/it/help/nifti_bytes.rs"]
 mod nifti_bytes;

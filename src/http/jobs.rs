@@ -69,7 +69,7 @@ const IDEMPOTENT_REPLAYED: HeaderName = HeaderName::from_static("idempotent-repl
         (status = 408, body = Problem, content_type = PROBLEM_JSON, description = "`upload_too_slow`"),
         (status = 413, body = Problem, content_type = PROBLEM_JSON, description = "`upload_too_large`, `too_many_voxels`"),
         (status = 415, body = Problem, content_type = PROBLEM_JSON, description = "`not_nifti`, `two_file_nifti`, `content_encoding`"),
-        (status = 422, body = Problem, content_type = PROBLEM_JSON, description = "`invalid_params`, `invalid_labels`, `callback_not_allowed`, `idempotency_key_reused`; of the file `several_volumes`, `unsupported_datatype`, `bad_affine`"),
+        (status = 422, body = Problem, content_type = PROBLEM_JSON, description = "`invalid_params`, `invalid_labels`, `callback_not_allowed`, `idempotency_key_reused`; of the file `several_volumes`, `unsupported_datatype`, `bad_affine`, `unsupported_transfer_syntax`, `not_a_segmentation`, `uneven_slices` and others of DICOM"),
         (status = 429, body = Problem, content_type = PROBLEM_JSON, description = "`queue_share_full`, `too_many_requests`; Retry-After says when to try again"),
         (status = 503, body = Problem, content_type = PROBLEM_JSON, description = "`queue_full`; Retry-After says when to try again"),
         (status = 507, body = Problem, content_type = PROBLEM_JSON, description = "`storage_full`, `storage_low`, `storage_share_full`")

@@ -48,7 +48,8 @@ fn a_segmentation_gives_the_result_of_the_same_mask() {
         document
     };
     let [columns, rows, slices] = [48, 34, 12];
-    let pixels = |z| (0..rows).flat_map(|y| (0..columns).map(move |x| [x, y, z])).map(|at| u16::from(is_inside(at)));
+    let slice = |z| (0..rows).flat_map(move |y| (0..columns).map(move |x| [x, y, z]));
+    let pixels = |z| slice(z).map(|at| u16::from(is_inside(at)));
     let place = |z: usize| [10.0, 20.0, 30.0 + z as f64];
     let frames = (2..10).map(|z| Frame { position: place(z), segment: 1, pixels: pixels(z).collect() }).collect();
     let seg = Seg { columns, rows, frames, spacing: [1.0; 3], segments: vec![1], ..Seg::small() };

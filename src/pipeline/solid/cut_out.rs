@@ -122,8 +122,8 @@ pub(super) fn warn_if_cut(volume: &LabelVolume, label: Label, context: &Context<
     }
 }
 
-/// Warns of a label in the first or last slice of a file that keeps no empty ones: whether it ended there or the image did
-/// is not told. The slices beyond were added when the file was read.
+/// Warns of a label in the first or last slice of a file that keeps no empty ones: whether it ended there or the image
+/// did is not told. The slices beyond were added when the file was read.
 fn warn_if_edge_is_unknown(volume: &LabelVolume, label: Label, axis: usize, context: &Context<'_>) {
     let (low, high, last) = (label.bounds.low[axis], label.bounds.high[axis], volume.dims()[axis].saturating_sub(2));
     let ends: &[usize] = match (low == 1, high == last) {

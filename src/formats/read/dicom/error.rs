@@ -51,7 +51,7 @@ pub enum DicomFault {
         allowed: &'static str,
     },
     /// An image, a structure set, a report.
-    #[error("the DICOM file is {}no segmentation (SOP class {uid})", .name.map(|name| format!("{name}, ")).unwrap_or_default())]
+    #[error("the DICOM file is {}no segmentation (SOP class {uid})", before(*.name))]
     NotSegmentation {
         /// What it is, with an article, where that is known.
         name: Option<&'static str>,
@@ -59,7 +59,7 @@ pub enum DicomFault {
         uid: String,
     },
     /// Pixels that are compressed in a way that is not read.
-    #[error("the pixels are in transfer syntax {uid}{}, which is not read", .name.map(|name| format!(" ({name})")).unwrap_or_default())]
+    #[error("the pixels are in transfer syntax {uid}{}, which is not read", after(*.name))]
     TransferSyntax {
         /// What it is called, where that is known.
         name: Option<&'static str>,
@@ -115,7 +115,7 @@ pub enum DicomFault {
         what: &'static str,
     },
     /// Slices at unequal distances.
-    #[error("frame {frame} is {} mm off the even steps of {} mm between slices", significant(*.off_mm), significant(*.step_mm))]
+    #[error("frame {frame} is {} mm off even steps of {} mm", significant(*.off_mm), significant(*.step_mm))]
     Uneven {
         /// Its number, from 1.
         frame: usize,
@@ -171,6 +171,16 @@ pub enum DicomFault {
         /// Bytes that were inflated before.
         after: u64,
     },
+}
+
+/// A name before what it is not.
+fn before(name: Option<&str>) -> String {
+    name.map(|name| format!("{name}, ")).unwrap_or_default()
+}
+
+/// A name after what stands for it.
+fn after(name: Option<&str>) -> String {
+    name.map(|name| format!(" ({name})")).unwrap_or_default()
 }
 
 impl DicomFault {

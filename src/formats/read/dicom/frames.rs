@@ -103,8 +103,8 @@ impl<'a, 'l, 'c> Painter<'a, 'l, 'c> {
         Ok(())
     }
 
-    /// Frames one after the other. Bits run on over frames; some writers begin each frame at a new byte instead, which the
-    /// length tells.
+    /// Frames one after the other. Bits run on over frames; some writers begin each frame at a new byte instead, which
+    /// the length tells.
     fn read_plain(
         &mut self,
         source: &mut Source<'_, '_>,
@@ -248,8 +248,8 @@ fn corrupt(number: usize, what: &'static str) -> ReadError {
     DicomFault::CorruptFrame { frame: number + 1, what }.at(TagPath::top(Tag::PIXELS))
 }
 
-/// The bytes of pixels that are not compressed. In words of two bytes with the high one first, the pixels of a word's low
-/// byte come first: bytes are swapped.
+/// The bytes of pixels that are not compressed. In words of two bytes with the high one first, the pixels of a word's
+/// low byte come first: bytes are swapped.
 struct Pixels<'s, 'a, 'f> {
     source: &'s mut Source<'a, 'f>,
     left: u64,

@@ -1,5 +1,5 @@
-//! Frames → slices of a volume. Where a frame lies along the normal says which slice it is; its number and its dimension
-//! indices say nothing that can be trusted.
+//! Frames → slices of a volume. Where a frame lies along the normal says which slice it is; its number and its
+//! dimension indices say nothing that can be trusted.
 
 use nalgebra::Vector3;
 
@@ -9,14 +9,14 @@ use super::tag::{Tag, TagPath};
 use crate::formats::read::error::ReadError;
 use crate::space::{VolumeNotice, WorldFromVoxel, significant};
 
-/// Share of a voxel's edge in the slice by which positions differ that are rounded. With less, rounding to hundredths would
-/// make two slices of one; with more, slices of a hundredth of that edge would become one.
+/// Share of a voxel's edge in the slice by which positions differ that are rounded. With less, rounding to hundredths
+/// would make two slices of one; with more, slices of a hundredth of that edge would become one.
 const ROUNDING: f64 = 0.01;
-/// Share of the step by which slices may be off it. With less, positions that are rounded to tenths would be uneven; with
-/// more, a missing tenth of a millimetre would be read as if it was there.
+/// Share of the step by which slices may be off it. With less, positions that are rounded to tenths would be uneven;
+/// with more, a missing tenth of a millimetre would be read as if it was there.
 const UNEVEN: f64 = 0.02;
-/// Share of a voxel's edge by which slices may be shifted sideways. A stack of 300 mm whose directions are rounded to four
-/// decimals is off by 0.03 mm; with more, a gantry tilted by a degree would pass in a few slices.
+/// Share of a voxel's edge by which slices may be shifted sideways. A stack of 300 mm whose directions are rounded to
+/// four decimals is off by 0.03 mm; with more, a gantry tilted by a degree would pass in a few slices.
 const SIDEWAYS: f64 = 0.2;
 /// Along which axis of the volume slices follow one another.
 pub(super) const SLICES: usize = 2;

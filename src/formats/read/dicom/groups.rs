@@ -9,8 +9,8 @@ use crate::formats::read::error::ReadError;
 
 /// Voxel edges that make sense for anatomy, mm, as of NIfTI.
 pub(super) const EDGE_MM: std::ops::RangeInclusive<f64> = 1e-4..=1e3;
-/// How far rows and columns may be from unit vectors at right angles. Writers round to three decimals; with more, a sheared
-/// grid would pass.
+/// How far rows and columns may be from unit vectors at right angles. Writers round to three decimals; with more, a
+/// sheared grid would pass.
 const SQUARE: f64 = 1e-3;
 /// Difference of direction cosines that counts as none. With less, rounding would make two orientations of one; with
 /// more, the far corner of a slice of 512 voxels would be off by a tenth of one.

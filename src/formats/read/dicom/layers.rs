@@ -9,8 +9,8 @@ use crate::cancel::Cancel;
 use crate::formats::read::error::ReadError;
 use crate::space::{Grid, Label, VolumeNotice};
 
-/// Layers that there can be at most. Files of planned radiation with a dozen nested targets need as many; with more, a file
-/// made for it would have its segments moved for ever.
+/// Layers that there can be at most. Files of planned radiation with a dozen nested targets need as many; with more, a
+/// file made for it would have its segments moved for ever.
 const MAX_LAYERS: usize = 64;
 /// Voxels of all layers together, in volumes of the largest that is allowed.
 const MAX_VOLUMES: u64 = 4;

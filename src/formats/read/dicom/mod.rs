@@ -1,6 +1,6 @@
-//! DICOM segmentation (SEG) → label map. The data set is walked once, without recursion and without a copy of it; what is
-//! wanted is checked as it comes, and pixels are decoded while they are read. In the order of the file: how it is written,
-//! what it says of itself, its pixels. Text of the file leaves it in names and codes of segments alone.
+//! DICOM segmentation (SEG) → label map. The data set is walked once, without recursion and without a copy of it; what
+//! is wanted is checked as it comes, and pixels are decoded while they are read. In the order of the file: how it is
+//! written, what it says of itself, its pixels. Text of the file leaves it in names and codes of segments alone.
 
 mod tag;
 

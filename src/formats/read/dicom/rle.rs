@@ -1,5 +1,5 @@
-//! Run-length encoded frames (PS3.5 annex G): a head of 16 numbers, then a run of bytes for each byte of a pixel, the high
-//! one first.
+//! Run-length encoded frames (PS3.5 annex G): a head of 16 numbers, then a run of bytes for each byte of a pixel, the
+//! high one first.
 
 /// Bytes of the head.
 pub(super) const HEAD_BYTES: usize = 64;

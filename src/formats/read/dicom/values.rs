@@ -13,7 +13,8 @@ const MAX_TEXT_CHARS: usize = 80;
 #[derive(Debug)]
 pub(super) enum Value {
     Bytes(Vec<u8>),
-    Items(Vec<Item>),
+    /// The first item of a sequence.
+    Item(Item),
 }
 
 /// An item of a sequence: what is kept of it.
@@ -28,8 +29,11 @@ impl Item {
         Self { elements: Vec::new(), is_big_endian }
     }
 
+    /// Takes in an element, unless one of the same tag is there.
     pub fn push(&mut self, tag: Tag, value: Value) {
-        self.elements.push((tag, value));
+        if self.get(tag).is_none() {
+            self.elements.push((tag, value));
+        }
     }
 
     fn get(&self, tag: Tag) -> Option<&Value> {
@@ -47,7 +51,7 @@ impl Item {
     /// The first item of a sequence.
     pub fn first(&self, tag: Tag) -> Option<&Self> {
         match self.get(tag) {
-            Some(Value::Items(items)) => items.first(),
+            Some(Value::Item(item)) => Some(item),
             _ => None,
         }
     }

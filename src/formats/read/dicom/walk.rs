@@ -14,7 +14,8 @@ use crate::formats::read::error::ReadError;
 const MAX_DEPTH: usize = 16;
 /// Elements: a segmentation of 100 000 frames has five million.
 const MAX_ELEMENTS: u64 = 20_000_000;
-/// Bytes of all values that are kept, with what keeping them costs: the groups of 100 000 frames take 60 MB.
+/// Bytes of all values that are kept for a while, with what keeping them costs: the groups of 100 000 frames take 40
+/// MB.
 const MAX_KEPT_BYTES: u64 = 256 << 20;
 /// Bytes of a value that is kept: real ones have a hundred.
 const MAX_VALUE_BYTES: u32 = 1 << 20;
@@ -44,7 +45,8 @@ enum Level {
         is_kept: bool,
         /// Items that were begun.
         begun: u32,
-        done: Vec<Item>,
+        /// The first one, where another sequence holds this one: no more is ever looked at.
+        first: Option<Item>,
     },
     Item {
         end: Option<u64>,
@@ -193,7 +195,7 @@ impl<'s, 'f> Walk<'s, 'f> {
             return Err(self.over("sequences nested deeper than a segmentation has", MAX_DEPTH as u64));
         }
         let syntax = if head.kind == Some(*b"UN") { IMPLICIT } else { self.syntax_here() };
-        self.open.push(Level::Sequence { tag: head.tag, end, syntax, is_kept, begun: 0, done: Vec::new() });
+        self.open.push(Level::Sequence { tag: head.tag, end, syntax, is_kept, begun: 0, first: None });
         Ok(())
     }
 
@@ -217,18 +219,19 @@ impl<'s, 'f> Walk<'s, 'f> {
         match self.open.pop()? {
             Level::Item { item, .. } => {
                 let is_outermost = self.open.len() == 1;
-                if let Some(Level::Sequence { tag, begun, is_kept: true, done, .. }) = self.open.last_mut() {
+                if let Some(Level::Sequence { tag, begun, is_kept: true, first, .. }) = self.open.last_mut() {
                     if is_outermost {
                         return Some(Met::Item { sequence: *tag, number: *begun, item });
                     }
-                    done.push(item);
+                    first.get_or_insert(item);
                 }
             }
-            Level::Sequence { tag, is_kept, done, .. } => {
-                if let (true, Some(Level::Item { item, .. })) = (is_kept, self.open.last_mut()) {
-                    item.push(tag, Value::Items(done));
+            Level::Sequence { tag, first: Some(first), .. } => {
+                if let Some(Level::Item { item, .. }) = self.open.last_mut() {
+                    item.push(tag, Value::Item(first));
                 }
             }
+            Level::Sequence { first: None, .. } => {}
         }
         None
     }
