@@ -55,6 +55,7 @@ fn thickness_json_has_the_names_of_the_contract() {
         "label",
         "name",
         "color",
+        "code",
         "voxels",
         "volume_mm3",
         "kept_share",

@@ -346,6 +346,17 @@ fn what_is_not_needed_is_passed_over() {
 }
 
 #[test]
+fn zeros_after_the_end_fill_a_file_up() {
+    for (transfer, zeros) in [(EXPLICIT, 1), (EXPLICIT, 4000), (IMPLICIT, 6), (DEFLATED, 3), (RLE, 512)] {
+        let dicom = Dicom { tail: vec![0; zeros], ..Seg::small().with(transfer).dicom() };
+        check_small("zeros", &read_ok(&dicom.bytes()));
+        let mut bytes = Seg::small().with(transfer).bytes();
+        bytes.extend(vec![0; zeros]);
+        check_small("zeros", &read_ok(&bytes));
+    }
+}
+
+#[test]
 fn the_header_tells_the_voxels_of_the_volume() {
     use std::io::Write;
     for (transfer, is_compressed) in [(EXPLICIT, false), (RLE, true), (DEFLATED, true)] {

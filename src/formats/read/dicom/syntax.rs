@@ -72,7 +72,7 @@ impl Syntax {
         if self.is_big_endian { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) }
     }
 
-    /// The head of the next element; `None` at the end of the file.
+    /// The head of the next element; `None` at the end of the file, and where zeros fill it up: no element has the tag 0.
     ///
     /// # Errors
     /// When the file ends within it, or it has no kind of value.
@@ -80,7 +80,7 @@ impl Syntax {
         let mut bytes = [0; 4];
         let start = source.position();
         match source.fill(&mut bytes)? {
-            0 => return Ok(None),
+            _ if bytes == [0; 4] => return Ok(None),
             4 => {}
             _ => return Err(ReadError::Truncated { expected: start + 8, got: source.position() }),
         }
