@@ -1,6 +1,6 @@
 //! Starts children, hands them runs, and tells what became of those.
 
-use std::io::{self, Read};
+use std::io::{self, BufReader, Read};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
@@ -65,7 +65,7 @@ pub struct Isolation {
 struct Worker {
     child: Child,
     requests: ChildStdin,
-    told: ChildStdout,
+    told: BufReader<ChildStdout>,
 }
 
 /// How a run in a child ended.
@@ -207,7 +207,7 @@ impl Isolation {
         let mut child = command.spawn()?;
         let pipes = child.stdin.take().zip(child.stdout.take());
         let (requests, told) = pipes.ok_or_else(|| io::Error::other("a process has no pipes"))?;
-        Ok(Worker { child, requests, told })
+        Ok(Worker { child, requests, told: BufReader::new(told) })
     }
 }
 
@@ -215,12 +215,7 @@ impl Worker {
     /// Hands on what the child says until its run is over; `None` when it is gone, or was killed because the run is to stop.
     fn listen(&mut self, observer: &dyn Observer) -> io::Result<Option<(Outcome, u64)>> {
         loop {
-            let mut ready = [PollFd::new(&self.told, PollFlags::IN)];
-            match poll(&mut ready, Some(&LOOK)) {
-                Ok(_) | Err(rustix::io::Errno::INTR) => {}
-                Err(error) => return Err(error.into()),
-            }
-            let is_silent = ready[0].revents().is_empty();
+            let is_silent = self.told.buffer().is_empty() && is_silent(self.told.get_ref())?;
             if observer.is_cancelled() {
                 let _ = self.child.kill();
                 return Ok(None);
@@ -266,6 +261,15 @@ impl Drop for Worker {
     fn drop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
+    }
+}
+
+/// Waits a moment for something to be said.
+fn is_silent(told: &ChildStdout) -> io::Result<bool> {
+    let mut ready = [PollFd::new(told, PollFlags::IN)];
+    match poll(&mut ready, Some(&LOOK)) {
+        Ok(_) | Err(rustix::io::Errno::INTR) => Ok(ready[0].revents().is_empty()),
+        Err(error) => Err(error.into()),
     }
 }
 

@@ -176,6 +176,13 @@ impl Blobs {
     /// When one cannot be stored.
     pub async fn keep_results(&self, id: JobId, token: &str, names: &[&str]) -> io::Result<()> {
         let folder = self.scratch.join(token);
+        if self.is_local {
+            let files: Vec<PathBuf> = names.iter().map(|name| folder.join(name)).collect();
+            let (folder, kept) = (folder.clone(), self.root.join(RESULTS).join(id.to_string()).join(token));
+            if on_own_thread(move || move_folder(&folder, &files, &kept)).await? {
+                return Ok(());
+            }
+        }
         self.put(names.iter().map(|name| (folder.join(name), result_key(id, token, name))).collect()).await
     }
 
@@ -531,6 +538,27 @@ impl Room {
         const FEW_FILES: f64 = 0.02;
         self.free_bytes >= bytes && self.free_files >= FEW_FILES
     }
+}
+
+/// Makes a folder of these files, and of no others, the folder `kept`, and syncs all of it; `false`, and nothing is
+/// changed, where they have to be linked one by one. Blocks.
+fn move_folder(folder: &Path, files: &[PathBuf], kept: &Path) -> io::Result<bool> {
+    let Some(above) = kept.parent() else { return Ok(false) };
+    if fs::read_dir(folder)?.count() != files.len() {
+        return Ok(false);
+    }
+    for file in files {
+        fs::File::open(file)?.sync_all()?;
+    }
+    fs::File::open(folder)?.sync_all()?;
+    // It is there from a try before this one, or the folder that it goes into was removed while it was empty.
+    if make_private(above).and_then(|()| fs::rename(folder, kept)).is_err() {
+        return Ok(false);
+    }
+    for changed in [Some(above), above.parent()].into_iter().flatten() {
+        fs::File::open(changed)?.sync_all()?;
+    }
+    Ok(true)
 }
 
 /// Gives files their kept names, by a link, and syncs them and the folders that they are named in. Blocks.

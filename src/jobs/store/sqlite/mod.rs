@@ -1,6 +1,7 @@
 //! The store in one SQLite file.
 //!
-//! WAL with `synchronous=FULL`: a commit is on disk when the call returns. One connection writes,
+//! WAL with `synchronous=FULL`: a commit is on disk when the call returns, but that of a claim, which is worth nothing
+//! once its worker is gone. One connection writes,
 //! so that writers queue in this process instead of failing with "database is locked"; writers of
 //! other processes are waited for. Reads have connections of their own. Every change is one
 //! statement or one transaction that begins by taking the write lock.
@@ -50,6 +51,9 @@ const WIPE_TIMEOUT: Duration = Duration::from_millis(200);
 #[derive(Clone, Debug)]
 pub struct SqliteStore {
     writer: SqlitePool,
+    /// Writes what a loss of power may undo, without waiting for the disk. Used only by who holds the connection of
+    /// `writer`.
+    hasty: SqlitePool,
     reader: SqlitePool,
 }
 
@@ -74,8 +78,10 @@ impl SqliteStore {
             .await?;
         let (steps, known) = (migrator(), last_step());
         steps.run(&writer).await.map_err(|error| error::of_migration(error, known))?;
-        let reader = SqlitePoolOptions::new().max_connections(READ_CONNECTIONS).connect_with(options).await?;
-        Ok(Self { writer, reader })
+        let reader = SqlitePoolOptions::new().max_connections(READ_CONNECTIONS).connect_with(options.clone()).await?;
+        let hasty = options.synchronous(SqliteSynchronous::Normal);
+        let hasty = SqlitePoolOptions::new().max_connections(1).connect_lazy_with(hasty);
+        Ok(Self { writer, hasty, reader })
     }
 
     /// Opens the file to be read, as it is: nothing of it changes, its tables neither.
@@ -90,7 +96,7 @@ impl SqliteStore {
         let (found, known) = (found.unwrap_or(0), last_step());
         match found.cmp(&known) {
             Ordering::Less => Err(StoreError::Older { found, known }),
-            Ordering::Equal => Ok(Self { writer: reader.clone(), reader }),
+            Ordering::Equal => Ok(Self { writer: reader.clone(), hasty: reader.clone(), reader }),
             Ordering::Greater => Err(StoreError::Newer { found, known }),
         }
     }
@@ -99,6 +105,12 @@ impl SqliteStore {
     /// longer asked, and a disk that is full then is no error that anybody sees.
     async fn change(&self, query: Query<'_, Sqlite, SqliteArguments>) -> Result<Option<SqliteRow>, StoreError> {
         Ok(query.fetch_all(&self.writer).await?.pop())
+    }
+
+    /// As [`change`](Self::change), for what a loss of power may undo: who did it has lost power too.
+    async fn change_hastily(&self, query: Query<'_, Sqlite, SqliteArguments>) -> Result<Option<SqliteRow>, StoreError> {
+        let _turn = self.writer.acquire().await?;
+        Ok(query.fetch_all(&self.hasty).await?.pop())
     }
 
     /// A transaction that holds the write lock from its first moment: one that takes it later may
@@ -212,6 +224,7 @@ impl Store for SqliteStore {
 
     async fn close(&self) {
         self.reader.close().await;
+        self.hasty.close().await;
         self.writer.close().await;
     }
 }
