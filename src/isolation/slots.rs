@@ -9,11 +9,12 @@ use std::time::Duration;
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
-use super::budget::{CpuLimits, Memory, default_memory_bytes, first_share};
+use super::budget::{Memory, default_memory_bytes, first_share};
 use super::wire::{Outcome, Request, Told, receive, send, written};
 use crate::formats::params_json::params_to_json;
 use crate::formats::readers::check_header;
 use crate::formats::{HeaderFacts, InputLimits};
+use crate::jobs::limits::CpuLimits;
 use crate::jobs::process::{Kept, ProcessError, READING, remove_files};
 use crate::jobs::processed::Processed;
 use crate::params::CheckedParams;
