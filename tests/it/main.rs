@@ -90,6 +90,7 @@ mod isolation;
 mod soak;
 
 mod soak_hostile;
+mod soak_pair;
 
 mod api_submit;
 

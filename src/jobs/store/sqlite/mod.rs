@@ -91,9 +91,7 @@ impl SqliteStore {
     pub async fn open_to_read(path: &Path) -> Result<Self, StoreError> {
         let options = common_options(path).read_only(true);
         let reader = SqlitePoolOptions::new().max_connections(READ_CONNECTIONS).connect_with(options).await?;
-        let found: Option<i64> =
-            sqlx::query("SELECT MAX(version) FROM _sqlx_migrations").fetch_one(&reader).await?.try_get(0)?;
-        let (found, known) = (found.unwrap_or(0), last_step());
+        let (found, known) = (step_of(&reader).await?, last_step());
         match found.cmp(&known) {
             Ordering::Less => Err(StoreError::Older { found, known }),
             Ordering::Equal => Ok(Self { writer: reader.clone(), hasty: reader.clone(), reader }),
@@ -123,6 +121,17 @@ impl SqliteStore {
 fn common_options(path: &Path) -> SqliteConnectOptions {
     // The file system may be read-only outside of the data directory.
     SqliteConnectOptions::new().filename(path).busy_timeout(BUSY_TIMEOUT).pragma("temp_store", "memory")
+}
+
+/// The last step of the tables that a file has; 0 before the first.
+async fn step_of(file: &SqlitePool) -> Result<i64, StoreError> {
+    let tables = sqlx::query("SELECT 1 FROM sqlite_schema WHERE name = '_sqlx_migrations'");
+    if tables.fetch_optional(file).await?.is_none() {
+        return Ok(0);
+    }
+    let last: Option<i64> =
+        sqlx::query("SELECT MAX(version) FROM _sqlx_migrations").fetch_one(file).await?.try_get(0)?;
+    Ok(last.unwrap_or(0))
 }
 
 /// The last step of the tables that this program knows.
