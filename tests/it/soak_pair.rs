@@ -32,7 +32,8 @@ struct Pair {
 }
 
 fn start(data: &Path) -> Service {
-    let server = Service::start(data, &["--workers", "2", "--max-queued", "60"]);
+    // Masks go as soon as their jobs have ended: also while a copy is made.
+    let server = Service::start(data, &["--workers", "2", "--max-queued", "60", "--keep-masks", "0"]);
     // It listens before its tables are made.
     assert!(server.call("GET /readyz", b"").0.starts_with("HTTP/1.1 200"));
     server
@@ -104,6 +105,9 @@ fn back_up(pair: &Pair, data: &Path, dir: &Path) -> usize {
         let copy: PathBuf = dir.join(format!("copy-{copies}"));
         let told = run(&["backup", "--out", copy.to_str().unwrap()], data);
         assert!(told.status.success(), "{}", String::from_utf8_lossy(&told.stderr));
+        let (told, deleted) = (String::from_utf8_lossy(&told.stdout), pair.deleted.lock().unwrap().len());
+        let left_out = told.split_whitespace().rev().nth(2).and_then(|count| count.parse::<usize>().ok());
+        assert!(left_out.is_some_and(|count| count <= deleted), "{deleted} deleted: {told}");
         check(&copy);
         std::fs::remove_dir_all(copy).unwrap();
         copies += 1;

@@ -58,11 +58,15 @@ pub struct SqliteStore {
 }
 
 impl SqliteStore {
-    /// Opens the file, making it when it is missing, and brings its tables up to date.
+    /// Opens the file, making it when it is missing and `may_be_new`, and brings its tables up to date.
     ///
     /// # Errors
-    /// When the file cannot be opened or is of a later version of this program.
-    pub async fn open(path: &Path) -> Result<Self, StoreError> {
+    /// When the file cannot be opened, has no tables though it must, or those of another program or of a later version of
+    /// this one.
+    pub async fn open(path: &Path, may_be_new: bool) -> Result<Self, StoreError> {
+        if !may_be_new && !path.exists() {
+            return Err(StoreError::Lost);
+        }
         let options = common_options(path)
             .create_if_missing(true)
             .journal_mode(SqliteJournalMode::Wal)
@@ -74,13 +78,20 @@ impl SqliteStore {
             // On a full disk SQLite takes back a transaction by itself; the connection goes on to think that it is in
             // one, and could begin none any more.
             .before_acquire(|connection, _| Box::pin(async move { Ok(!connection.is_in_transaction()) }))
+            .after_connect(|connection, _| Box::pin(is_writable(connection)))
             .connect_with(options.clone())
             .await?;
+        if step_of(&writer).await? == 0 && !may_be_new {
+            return Err(StoreError::Lost);
+        }
         let (steps, known) = (migrator(), last_step());
         steps.run(&writer).await.map_err(|error| error::of_migration(error, known))?;
         let reader = SqlitePoolOptions::new().max_connections(READ_CONNECTIONS).connect_with(options.clone()).await?;
         let hasty = options.synchronous(SqliteSynchronous::Normal);
-        let hasty = SqlitePoolOptions::new().max_connections(1).connect_lazy_with(hasty);
+        let hasty = SqlitePoolOptions::new()
+            .max_connections(1)
+            .after_connect(|connection, _| Box::pin(is_writable(connection)))
+            .connect_lazy_with(hasty);
         Ok(Self { writer, hasty, reader })
     }
 
@@ -123,11 +134,19 @@ fn common_options(path: &Path) -> SqliteConnectOptions {
     SqliteConnectOptions::new().filename(path).busy_timeout(BUSY_TIMEOUT).pragma("temp_store", "memory")
 }
 
+/// Fails where a connection can only read: SQLite opens a file so without a word when it cannot be written at that moment,
+/// and would stay so when it can be again.
+async fn is_writable(connection: &mut SqliteConnection) -> Result<(), sqlx::Error> {
+    connection.begin_with("BEGIN IMMEDIATE").await?.rollback().await
+}
+
 /// The last step of the tables that a file has; 0 before the first.
 async fn step_of(file: &SqlitePool) -> Result<i64, StoreError> {
-    let tables = sqlx::query("SELECT 1 FROM sqlite_schema WHERE name = '_sqlx_migrations'");
-    if tables.fetch_optional(file).await?.is_none() {
-        return Ok(0);
+    let tables = sqlx::query("SELECT COUNT(*), SUM(name = '_sqlx_migrations') FROM sqlite_schema WHERE type = 'table'");
+    let tables = tables.fetch_one(file).await?;
+    let (all, ours): (i64, Option<i64>) = (tables.try_get(0)?, tables.try_get(1)?);
+    if ours.unwrap_or(0) == 0 {
+        return if all == 0 { Ok(0) } else { Err(StoreError::Corrupt("its tables are another program's".to_owned())) };
     }
     let last: Option<i64> =
         sqlx::query("SELECT MAX(version) FROM _sqlx_migrations").fetch_one(file).await?.try_get(0)?;
