@@ -6,11 +6,12 @@ use std::path::Path;
 
 use super::read::answers::{Found, Sniffed};
 use super::read::nifti;
+use super::read::nrrd;
 use super::read::sniff::{GZIP_MAGIC, guess};
 use super::read::stream::Stream;
 use super::read::{HeaderFacts, InputLimits, ReadError};
 use crate::cancel::{Cancel, Never};
-use crate::space::{LabelVolume, VolumeNotice};
+use crate::space::LabelVolume;
 
 /// A format that is read. Gzip around a file is undone before a reader sees it.
 pub struct Reader {
@@ -29,21 +30,27 @@ pub struct Reader {
 }
 
 /// All of them, in the order in which they are asked.
-pub static READERS: &[Reader] = &[Reader {
-    name: "NIfTI",
-    versions: &["NIfTI-1", "NIfTI-2"],
-    endings: &[".nii", ".nii.gz"],
-    sniff: nifti::sniff,
-    header: nifti::header,
-    read: nifti::read,
-}];
+pub static READERS: &[Reader] = &[
+    Reader {
+        name: "NIfTI",
+        versions: &["NIfTI-1", "NIfTI-2"],
+        endings: &[".nii", ".nii.gz"],
+        sniff: nifti::sniff,
+        header: nifti::header,
+        read: nifti::read,
+    },
+    Reader {
+        name: "NRRD",
+        versions: &["NRRD"],
+        endings: &[".nrrd", ".seg.nrrd"],
+        sniff: nrrd::sniff,
+        header: nrrd::header,
+        read: nrrd::read,
+    },
+];
 
 /// Bytes of a file that [`check_magic`] needs to see: as many as the most curious reader.
 pub const MAGIC_BYTES: usize = nifti::KIND_BYTES;
-
-/// Bytes tolerated after the last voxel, in gzip and after it: some tools pad or append. More means that the header
-/// does not describe the file.
-const MAX_TAIL_BYTES: u64 = 1 << 20;
 
 /// A file that was read.
 #[derive(Clone, Debug)]
@@ -78,11 +85,8 @@ fn read_while(source: impl Read, limits: InputLimits, cancel: &dyn Cancel) -> Re
     let mut stream = Stream::open(source, limits.max_decompressed_bytes, cancel)?;
     let reader = reader_of(stream.peek(MAGIC_BYTES)?)?;
     let Found { mut volume, format } = (reader.read)(&mut stream, limits).map_err(|error| explain(error, &stream))?;
-    drain(&mut stream)?;
-    if stream.foreign() > 0 {
-        let message = format!("{} bytes after the end of the gzip stream were left unread", stream.foreign());
-        volume = volume.with_notices([VolumeNotice { code: "bytes_after_gzip", message }]);
-    }
+    stream.drain()?;
+    volume = volume.with_notices(stream.foreign_notice());
     let digested = stream.finish();
     Ok(ReadVolume { volume, sha256: digested.sha256, bytes: digested.bytes, format })
 }
@@ -129,13 +133,21 @@ fn reader_of(head: &[u8]) -> Result<&'static Reader, ReadError> {
 
 /// `NIfTI`, and what else there is.
 fn names() -> String {
-    READERS.iter().map(|reader| reader.name).collect::<Vec<_>>().join(" or ")
+    alternatives(&READERS.iter().map(|reader| reader.name.to_owned()).collect::<Vec<_>>())
 }
 
 /// `NIfTI (.nii or .nii.gz)`, and what else there is.
 fn names_with_endings() -> String {
     let each = READERS.iter().map(|reader| format!("{} ({})", reader.name, reader.endings.join(" or ")));
-    each.collect::<Vec<_>>().join(" or ")
+    alternatives(&each.collect::<Vec<_>>())
+}
+
+/// `a, b or c`.
+fn alternatives(all: &[String]) -> String {
+    match all {
+        [first @ .., last] if !first.is_empty() => format!("{} or {last}", first.join(", ")),
+        _ => all.join(""),
+    }
 }
 
 /// Every version that is read: `NIfTI-1 (.nii, .nii.gz)`.
@@ -152,18 +164,8 @@ pub fn versions_with_endings() -> Vec<String> {
 /// Every version that is read, in a sentence: `NIfTI-1 or NIfTI-2`.
 #[must_use]
 pub fn versions() -> String {
-    let all: Vec<&str> = READERS.iter().flat_map(|reader| reader.versions).copied().collect();
-    all.join(" or ")
-}
-
-/// Reads to the end: only then has gzip compared its checksum, and is the hash that of the
-/// whole file.
-fn drain(stream: &mut Stream<'_>) -> Result<(), ReadError> {
-    let expected = stream.position();
-    if stream.skip(MAX_TAIL_BYTES + 1)? + stream.drop_foreign(MAX_TAIL_BYTES + 1)? > MAX_TAIL_BYTES {
-        return Err(ReadError::TrailingData { expected, allowed: MAX_TAIL_BYTES });
-    }
-    Ok(())
+    let all = READERS.iter().flat_map(|reader| reader.versions).map(|version| (*version).to_owned());
+    alternatives(&all.collect::<Vec<_>>())
 }
 
 #[cfg(test)]

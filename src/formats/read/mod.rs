@@ -9,7 +9,24 @@ pub(super) mod sniff;
 
 pub(super) mod stream;
 
+mod stored;
+
+mod voxels;
+
+mod layers;
+
+mod lines;
+
+mod text;
+
+mod body;
+
+mod place;
+
 pub(super) mod nifti;
+
+pub(super) mod nrrd;
 
 pub use answers::{HeaderFacts, InputLimits};
 pub use error::ReadError;
+pub use lines::LineFault;

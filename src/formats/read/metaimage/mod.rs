@@ -1,0 +1,1 @@
+//! MetaImage → label map.
