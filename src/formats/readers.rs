@@ -5,11 +5,10 @@ use std::io::Read;
 use std::path::Path;
 
 use super::read::answers::{Found, Sniffed};
-use super::read::nifti;
-use super::read::nrrd;
 use super::read::sniff::{GZIP_MAGIC, guess};
 use super::read::stream::Stream;
 use super::read::{HeaderFacts, InputLimits, ReadError};
+use super::read::{metaimage, nifti, nrrd};
 use crate::cancel::{Cancel, Never};
 use crate::space::LabelVolume;
 
@@ -47,6 +46,14 @@ pub static READERS: &[Reader] = &[
         header: nrrd::header,
         read: nrrd::read,
     },
+    Reader {
+        name: "MetaImage",
+        versions: &["MetaImage"],
+        endings: &[".mha"],
+        sniff: metaimage::sniff,
+        header: metaimage::header,
+        read: metaimage::read,
+    },
 ];
 
 /// Bytes of a file that [`check_magic`] needs to see: as many as the most curious reader.
@@ -61,7 +68,7 @@ pub struct ReadVolume {
     pub sha256: String,
     /// Bytes of the file as sent.
     pub bytes: u64,
-    /// The format with its version and packing: `nifti1`, `nifti1.gz`, `nifti2` or `nifti2.gz`.
+    /// The format with its version and packing: `nifti1`, `nifti1.gz`, `nrrd`, `metaimage`, ….
     pub format: &'static str,
 }
 
@@ -175,10 +182,13 @@ mod tests {
     #[test]
     fn what_no_reader_takes_is_refused_with_what_is_read() {
         let error = check_magic(b"{}").unwrap_err();
-        assert_eq!(error.to_string(), "the file is not a NIfTI image: it looks like JSON");
-        assert_eq!(error.hint(), "send the mask as NIfTI (.nii or .nii.gz)");
+        assert_eq!(error.to_string(), "the file is not a NIfTI, NRRD or MetaImage image: it looks like JSON");
+        assert_eq!(
+            error.hint(),
+            "send the mask as NIfTI (.nii or .nii.gz), NRRD (.nrrd or .seg.nrrd) or MetaImage (.mha)"
+        );
         let error = check_magic(b"version https://git-lfs.github.com/spec/v1\n").unwrap_err();
-        let hint = "fetch the file itself (git lfs pull), and send the mask as NIfTI (.nii or .nii.gz)";
-        assert_eq!(error.hint(), hint);
+        let hint = "fetch the file itself (git lfs pull), and send the mask as NIfTI";
+        assert!(error.hint().starts_with(hint), "{}", error.hint());
     }
 }

@@ -27,6 +27,8 @@ pub(super) mod nifti;
 
 pub(super) mod nrrd;
 
+pub(super) mod metaimage;
+
 pub use answers::{HeaderFacts, InputLimits};
 pub use error::ReadError;
 pub use lines::LineFault;

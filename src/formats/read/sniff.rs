@@ -14,9 +14,6 @@ const DOWNLOAD: Option<&str> = Some("download the file itself: what came is the 
 
 /// What files begin with, the more telling first.
 const BEGINNINGS: &[(&[u8], &str, Option<&str>)] = &[
-    (b"NRRD", "NRRD", CONVERT),
-    (b"ObjectType", "MetaImage", CONVERT),
-    (b"NDims", "MetaImage", CONVERT),
     (b"\x89HDF", "HDF5, as MINC 2 and MATLAB write it", CONVERT),
     (b"CDF\x01", "NetCDF, as MINC 1 writes it", CONVERT),
     (b"#INRIMAGE", "INRIMAGE", CONVERT),
