@@ -1,4 +1,4 @@
-//! Any bytes as a NIfTI file: what the header check refuses the reader refuses, what is read fits
+//! Any bytes as a file: what the header check refuses the reader refuses, what is read fits
 //! together, and gzip around it changes nothing.
 
 use std::io::Write;

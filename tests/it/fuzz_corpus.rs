@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::help::nifti_bytes;
+use crate::help::{nifti_bytes, text_bytes};
 
 #[path = "../../fuzz/bodies/multipart.rs"]
 mod multipart;
@@ -29,10 +29,12 @@ fn replay(target: &str, check: impl Fn(&[u8])) {
 
 #[test]
 fn every_fuzzed_input_is_answered_by_the_reader() {
-    replay("nifti", |bytes| {
-        nifti::check(bytes);
-        nifti::check_in_gzip(bytes);
-    });
+    for target in ["nifti", "nrrd", "metaimage"] {
+        replay(target, |bytes| {
+            nifti::check(bytes);
+            nifti::check_in_gzip(bytes);
+        });
+    }
 }
 
 #[test]

@@ -15,6 +15,12 @@ mod formats_nifti;
 
 mod formats_nifti_refused;
 
+mod formats_nrrd;
+
+mod formats_metaimage;
+
+mod formats_text_refused;
+
 mod formats_real_files;
 
 mod fuzz_corpus;

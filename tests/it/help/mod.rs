@@ -6,6 +6,8 @@ pub mod process;
 
 pub mod nifti_bytes;
 
+pub mod text_bytes;
+
 pub mod phantoms;
 
 pub mod organs;

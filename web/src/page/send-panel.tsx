@@ -89,7 +89,7 @@ function DropZone({ isOff }: { isOff: boolean }) {
         multiple
         tabIndex={-1}
         aria-label="Mask files"
-        accept=".nii,.gz,application/gzip"
+        accept=".nii,.gz,.nrrd,.mha,application/gzip"
         disabled={isOff}
         onChange={(event) => {
           void sendFiles([...(event.currentTarget.files ?? [])]);
