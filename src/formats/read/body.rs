@@ -43,7 +43,7 @@ pub(super) fn read_body(
 
 fn skip(stream: &mut Stream<'_>, bytes: u64, stored: &Stored) -> Result<(), ReadError> {
     if stream.skip(bytes)? < bytes {
-        return Err(ReadError::Truncated { expected: bytes + stored.bytes(), got: stream.position() });
+        return Err(ReadError::Truncated { expected: bytes.saturating_add(stored.bytes()), got: stream.position() });
     }
     Ok(())
 }

@@ -82,8 +82,8 @@ pub(super) fn label_volume(
     let found = places(&voxels, cancel)?;
     let numbers = numbers(&found, segments, &mut notices);
     let (labels, new_of_old) = renumbered(&found, &numbers, segments, &voxels)?;
-    let indices = into_one(voxels.layers, &new_of_old, &labels, stored, cancel)?;
-    let indices = Grid::from_vec(stored.dims, indices).expect("exactly that many voxels were read");
+    let indices = only(packed(voxels.layers, &new_of_old, stored, cancel)?, &labels, stored)?;
+    let indices = Grid::from_vec(stored.dims, indices).expect("layers are padded to the voxels of the volume");
     Ok(LabelVolume::new_while(indices, labels, world_from_voxel, cancel)?.with_notices(notices))
 }
 
@@ -154,50 +154,76 @@ fn renumbered(
     Ok((labels, new_of_old))
 }
 
-/// All layers in the first one.
-///
-/// A label volume has one layer so far. Once it has several, this is the place to hand them over as they are.
-fn into_one(
+/// Layers over the same voxels, of which no two could be one; the first one, which there always is, and the others.
+type Kept = (Vec<u16>, Vec<Vec<u16>>);
+
+/// Layers with new indices, each added to the first one in which it meets nothing.
+fn packed(
     layers: Vec<Vec<u16>>,
     new_of_old: &NewOfOld,
-    labels: &[Label],
     stored: &Stored,
     cancel: &dyn Cancel,
-) -> Result<Vec<u16>, ReadError> {
-    let are_several = layers.len() > 1;
-    let mut layers = layers.into_iter().zip(new_of_old);
-    let Some((mut all, new)) = layers.next() else { return Ok(Vec::new()) };
-    if are_several {
-        for slice in all.chunks_mut(SLICE) {
+) -> Result<Kept, ReadError> {
+    if let [_] = layers[..] {
+        // Its labels are in order already.
+        let only = layers.into_iter().next().unwrap_or_default();
+        return Ok((padded(only, stored.voxels), Vec::new()));
+    }
+    let (mut first, mut further) = (vec![0; stored.voxels], Vec::new());
+    for (mut layer, new) in layers.into_iter().zip(new_of_old) {
+        for slice in layer.chunks_mut(SLICE) {
             cancel.check()?;
             slice.iter_mut().filter(|index| **index != 0).for_each(|index| *index = new[usize::from(*index)]);
         }
-    }
-    for (layer, new) in layers {
-        for (n, (slice, from)) in all.chunks_mut(SLICE).zip(layer.chunks(SLICE)).enumerate() {
+        let mut is_added = false;
+        for kept in std::iter::once(&mut first).chain(&mut further) {
             cancel.check()?;
-            if let Some(place) = first_shared(slice, from, new) {
-                return Err(overlap(n * SLICE + place, slice[place], new[usize::from(from[place])], labels, stored));
+            if first_shared(kept, &layer).is_none() {
+                add(kept, &layer);
+                is_added = true;
+                break;
             }
         }
-    }
-    Ok(all)
-}
-
-/// Adds the voxels of a layer, up to the first that another one has: its place.
-fn first_shared(all: &mut [u16], layer: &[u16], new_of_old: &[u16]) -> Option<usize> {
-    for (place, (index, from)) in all.iter_mut().zip(layer).enumerate() {
-        if *from != 0 {
-            if *index != 0 {
-                return Some(place);
-            }
-            *index = new_of_old[usize::from(*from)];
+        if !is_added {
+            further.push(padded(layer, stored.voxels));
         }
     }
-    None
+    Ok((first, further))
 }
 
-fn overlap(offset: usize, first: u16, second: u16, labels: &[Label], stored: &Stored) -> ReadError {
-    let value = |index: u16| usize::from(index).checked_sub(1).and_then(|n| labels.get(n)).map_or(0, |l| l.value);
-    ReadError::OverlappingSegments { voxel: stored.voxel_at(offset), labels: [value(first), value(second)] }
+/// A layer with the background after its last label.
+fn padded(mut layer: Vec<u16>, voxels: usize) -> Vec<u16> {
+    if layer.len() < voxels {
+        let mut full = vec![0; voxels];
+        add(&mut full, &layer);
+        layer = full;
+    }
+    layer
+}
+
+/// The first voxel that both have.
+fn first_shared(kept: &[u16], layer: &[u16]) -> Option<usize> {
+    kept.iter().zip(layer).position(|(kept, index)| *kept != 0 && *index != 0)
+}
+
+/// Adds what is no background; memory of zeros takes no room until it is written to.
+fn add(kept: &mut [u16], layer: &[u16]) {
+    for (kept, index) in kept.iter_mut().zip(layer) {
+        if *index != 0 {
+            *kept = *index;
+        }
+    }
+}
+
+/// The only layer.
+///
+/// A label volume has one layer so far. Once it has several, this is the place to hand all of them over.
+fn only((first, further): Kept, labels: &[Label], stored: &Stored) -> Result<Vec<u16>, ReadError> {
+    let Some(second) = further.first() else { return Ok(first) };
+    let offset = first_shared(&first, second).unwrap_or(0);
+    let value = |layer: &[u16]| {
+        let index = layer.get(offset).map_or(0, |index| usize::from(*index));
+        index.checked_sub(1).and_then(|n| labels.get(n)).map_or(0, |label| label.value)
+    };
+    Err(ReadError::OverlappingSegments { voxel: stored.voxel_at(offset), labels: [value(&first), value(second)] })
 }

@@ -10,7 +10,7 @@ use crate::space::{Label, VolumeNotice, ascending, significant};
 
 /// Bytes decoded at a time, a multiple of every datatype's size.
 const CHUNK_BYTES: usize = 1 << 18;
-/// Voxels for which room is reserved before any has come: a header may lie about the rest.
+/// Voxels for which room is reserved at first: a header may lie about the rest.
 const FIRST_RESERVATION: usize = 1 << 20;
 /// Voxels that are kept or left out together: a page of memory.
 const BLOCK: usize = 2048;
@@ -37,7 +37,7 @@ const MAX_EXACT: f64 = 9_007_199_254_740_992.0;
 /// A label map before it has a place in the world.
 #[derive(Debug)]
 pub(super) struct Voxels {
-    /// Index of a label per voxel, 0 for the background; of every layer.
+    /// Index of a label per voxel, 0 for the background; of every layer. What is missing at the end is background.
     pub layers: Vec<Vec<u16>>,
     /// Ascending; every one has a voxel in a layer.
     pub labels: Vec<Label>,
@@ -89,7 +89,10 @@ pub(super) fn read_voxels(source: &mut impl Values, stored: &Stored) -> Result<V
         let got = source.fill(&mut buffer[..wanted])?;
         if got < wanted {
             let before = (layers.dealt * size) as u64;
-            return Err(ReadError::Truncated { expected: start + stored.bytes(), got: start + before + got as u64 });
+            return Err(ReadError::Truncated {
+                expected: start.saturating_add(stored.bytes()),
+                got: start + before + got as u64,
+            });
         }
         chunk.clear();
         table.decode(&buffer[..wanted], layers.dealt, &mut chunk)?;
@@ -150,18 +153,20 @@ struct Indices {
 
 impl Indices {
     fn new(total: usize) -> Self {
-        Self { kept: vec![0; total.min(FIRST_RESERVATION)], filled: 0, total }
+        Self { kept: Vec::new(), filled: 0, total }
     }
 
-    /// Doubles as a vector does, but never beyond what the volume needs.
+    /// Doubles as a vector does, but never beyond what the volume needs, and not for background.
     fn take(&mut self, chunk: &[u16]) {
         let end = self.filled + chunk.len();
-        if end > self.kept.len() {
-            let mut larger = vec![0; (2 * self.kept.len()).max(end).min(self.total)];
-            copy_all_but_background(&self.kept[..self.filled], &mut larger);
+        if end > self.kept.len() && chunk.iter().any(|index| *index != 0) {
+            let mut larger = vec![0; (2 * self.kept.len()).max(end).max(FIRST_RESERVATION).min(self.total)];
+            copy_all_but_background(&self.kept, &mut larger);
             self.kept = larger;
         }
-        copy_all_but_background(chunk, &mut self.kept[self.filled..end]);
+        if let Some(place) = self.kept.get_mut(self.filled..end) {
+            copy_all_but_background(chunk, place);
+        }
         self.filled = end;
     }
 }

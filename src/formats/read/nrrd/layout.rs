@@ -63,7 +63,7 @@ impl Layout {
             let left = usize::try_from(last.saturating_sub(stream.position())).unwrap_or(0);
             if stream.line(left)?.last() != Some(&b'\n') {
                 let got = stream.position();
-                return Err(ReadError::Truncated { expected: got + self.stored.bytes(), got });
+                return Err(ReadError::Truncated { expected: got.saturating_add(self.stored.bytes()), got });
             }
         }
         Ok(())
@@ -122,8 +122,7 @@ fn byte_order(fields: &Fields, datatype: Datatype, packing: Packing) -> Result<B
 /// Three or four lengths.
 fn sizes(line: &Line, dimension: &Line) -> Result<Vec<usize>, ReadError> {
     match dimension.value.as_str() {
-        "3" => {}
-        "4" => {}
+        "3" | "4" => {}
         "1" | "2" => return Err(dimension.unsupported("an image of fewer than three dimensions", ONE_MAP)),
         _ if dimension.value.parse::<u32>().is_ok_and(|n| n > 4) => {
             return Err(dimension.unsupported("an image of more than four dimensions", ONE_MAP));
@@ -142,7 +141,7 @@ fn layer_axis(header: &Header, sizes: &Line, lengths: &[usize]) -> Result<usize,
     if fields.get("space dimension").is_some_and(|line| line.value == "4") {
         return Ok(3);
     }
-    let kinds: Vec<String> = fields.get("kinds").map(|line| words_in_lower_case(line)).unwrap_or_default();
+    let kinds: Vec<String> = fields.get("kinds").map(words_in_lower_case).unwrap_or_default();
     let directions = fields.get("space directions").map(vectors).transpose()?.unwrap_or_default();
     let has_direction = |axis: usize| directions.get(axis).map(Option::is_some);
     let is_list = match kinds.first().map(String::as_str) {
