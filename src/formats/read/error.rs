@@ -129,7 +129,7 @@ pub enum ReadError {
         byte: u64,
     },
     /// Segments that share voxels.
-    #[error("voxel {voxel:?} is in two segments, with the labels {} and {}: overlap is not read", .labels[0], .labels[1])]
+    #[error("voxel {voxel:?} is in two segments (labels {} and {}): overlap is not read", .labels[0], .labels[1])]
     OverlappingSegments {
         /// The first one.
         voxel: [u64; 3],

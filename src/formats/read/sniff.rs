@@ -146,7 +146,7 @@ mod tests {
         for (bytes, part) in [
             (at(128, b"DICM"), "DICOM"),
             (at(257, b"ustar"), "tar"),
-            (b"NRRD0004".to_vec(), "NRRD"),
+            (b"# vtk DataFile Version 3.0\n".to_vec(), "VTK"),
             (mgh, "FreeSurfer volume"),
             (b"version https://git-lfs.github.com/spec/v1\noid sha256:0123".to_vec(), "Git LFS"),
             (b"\xef\xbb\xbf\n <!DOCTYPE HTML PUBLIC>".to_vec(), "web page"),
