@@ -11,6 +11,7 @@ use super::dicom_bytes::{
     BIG_ENDIAN, DEFLATED, DEFLATED_FRAMES, Dicom, EXPLICIT, IMPLICIT, RLE, Seg, frame, short, text,
 };
 use super::nifti_bytes::{Nifti, gzip};
+use super::text_bytes::{self, TextFile, zlib};
 
 /// Writes them to the folder that `FUZZ_SEEDS` names, if it names one; a target does so before it
 /// reads its corpus.
@@ -81,6 +82,83 @@ pub fn dicom() -> Vec<Vec<u8>> {
     let mut files: Vec<Vec<u8>> = files.iter().map(Dicom::bytes).collect();
     files.push(gzip(&files[0]));
     files
+}
+
+/// Types, byte orders, encodings, spaces, layers and segments.
+pub fn nrrd() -> Vec<Vec<u8>> {
+    let small = TextFile::nrrd();
+    let mut files = vec![small.clone()];
+    let values: Vec<i8> = (0..24).map(|n| n % 3).collect();
+    for name in ["int8", "uint8", "short", "ushort", "int", "uint", "longlong", "ulonglong", "float", "double"] {
+        for (n, endian) in ["little", "big"].into_iter().enumerate() {
+            let body = text_bytes::stored(name, &values, n == 1);
+            let file = small.clone().with("type", name).with("endian", endian).body(body.clone());
+            files.push(file.clone().with("encoding", "gzip").body(gzip(&body)));
+            files.push(file);
+        }
+    }
+    files.push(small.clone().with("encoding", "ascii").body(b"1 0 2 ".repeat(8)));
+    files.push(small.clone().with("type", "double").with("encoding", "txt").body(b"1e0,0\n-2 ".repeat(8)));
+    files.push(small.clone().with("space", "RAS").with("space units", r#""um" "um" "um""#));
+    files.push(small.clone().without("space").without("space directions").with("spacings", "1 2 nan"));
+    files.push(small.clone().without("space").without("space directions").with("spacings", "1 2 3"));
+    files.push(small.clone().with("line skip", "1").with("byte skip", "2").body([b'\n'; 27].to_vec()));
+    files.push(small.clone().with("data file", "x.raw"));
+    let layers = small
+        .with("dimension", "4")
+        .with("sizes", "2 4 3 2")
+        .with("kinds", "list domain domain domain")
+        .with("space directions", "none (1,0,0) (0,2,0) (0,0,3)")
+        .with("Segment0_Name", "liver")
+        .with("Segment0_Color", "0.8 0.2 0")
+        .with("Segment0_LabelValue", "1")
+        .with("Segment0_Layer", "0")
+        .with("Segment1_Name", "two\\nlines")
+        .with("Segment1_LabelValue", "1")
+        .with("Segment1_Layer", "1");
+    files.push(layers.clone().body([1, 0, 0, 1].repeat(12)));
+    files.push(layers.clone().with("encoding", "gz").body(gzip(&[1, 1, 0, 1].repeat(12))));
+    let slicer_4 = layers
+        .without("space")
+        .with("space dimension", "4")
+        .with("sizes", "4 3 2 2")
+        .with("space directions", "(-1,0,0,0) (0,-2,0,0) (0,0,3,0) (0,0,0,1)")
+        .with("space origin", "(250,250,-120,0)")
+        .with("Segmentation_Extent", "100 103 50 52 -2 -1");
+    files.push(slicer_4.body([[1; 24], [0; 24]].concat()));
+    packed_too(&files)
+}
+
+/// Types, byte orders, encodings, names of the place, ranks.
+pub fn metaimage() -> Vec<Vec<u8>> {
+    let small = TextFile::metaimage();
+    let mut files = vec![small.clone()];
+    let values: Vec<i8> = (0..24).map(|n| n % 3).collect();
+    for name in ["CHAR", "UCHAR", "SHORT", "USHORT", "INT", "ULONG", "LONG_LONG", "ULONG_LONG", "FLOAT", "DOUBLE"] {
+        for (n, is_big) in ["False", "True"].into_iter().enumerate() {
+            let name = format!("MET_{name}");
+            let body = text_bytes::stored(&name, &values, n == 1);
+            let file = small.clone().with("ElementType", &name).with("BinaryDataByteOrderMSB", is_big);
+            files.push(file.clone().with("CompressedData", "True").body(zlib(&body)));
+            files.push(file.body(body));
+        }
+    }
+    files.push(small.clone().with("BinaryData", "False").body(b"1 0 2 ".repeat(8)));
+    files.push(small.clone().without("TransformMatrix").with("Rotation", "0 1 0 -1 0 0 0 0 1"));
+    files.push(small.clone().without("Offset").with("Position", "1 2 3"));
+    files.push(small.clone().without("ElementSpacing").with("ElementSize", "1 2 3").without("TransformMatrix"));
+    files.push(small.clone().with("ElementDataFile", "x.raw"));
+    let plane = small.with("NDims", "2").with("DimSize", "4 6").with("ElementSpacing", "1 2").with("Offset", "1 2");
+    files.push(plane.with("TransformMatrix", "1 0 0 1"));
+    packed_too(&files)
+}
+
+/// The files, and the first and the last in gzip.
+fn packed_too(files: &[TextFile]) -> Vec<Vec<u8>> {
+    let mut all: Vec<Vec<u8>> = files.iter().map(TextFile::bytes).collect();
+    let packed: Vec<_> = [all.first(), all.last()].into_iter().flatten().map(|file| gzip(file)).collect();
+    all.extend(packed);
+    all
 }
 
 /// Names and colours of labels as tools write them into a header extension.

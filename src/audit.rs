@@ -10,6 +10,7 @@
 //! new file. It does not when the first to write there never had the file before it open: a process
 //! started in between begins a new chain, one idle for two rotations goes on from the older file.
 
+use std::collections::BTreeSet;
 use std::fs::{self, DirBuilder, File, OpenOptions};
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::os::unix::fs::{DirBuilderExt, FileExt, MetadataExt, OpenOptionsExt};
@@ -113,6 +114,35 @@ pub struct Mark {
     pub hash: String,
 }
 
+/// What a line says of a job.
+#[derive(Deserialize)]
+struct OfJob {
+    action: String,
+    job: Option<String>,
+    outcome: String,
+}
+
+/// Jobs that were taken in and not removed since, as far as one file tells. Lines that are no entries tell nothing.
+///
+/// # Errors
+/// When the file cannot be read; none is as good as an empty one.
+pub fn jobs_left(path: &Path) -> io::Result<BTreeSet<String>> {
+    let mut left = BTreeSet::new();
+    let file = match File::open(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(left),
+        file => file?,
+    };
+    for line in BufReader::new(file).split(b'\n') {
+        let Ok(OfJob { action, job: Some(job), outcome }) = serde_json::from_slice(&line?) else { continue };
+        match (action.as_str(), outcome.as_str()) {
+            ("submit", "accepted" | "reused") => drop(left.insert(job)),
+            ("delete", _) | ("expire", "jobs") => drop(left.remove(&job)),
+            _ => {}
+        }
+    }
+    Ok(left)
+}
+
 /// Where a log begins and ends.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Ends {
@@ -185,6 +215,14 @@ impl Audit {
         if chain.len == 0 && chain.tip.seq == 0 {
             chain.tip = Tip { seq: tip.seq, hash: tip.hash.clone(), entry_hash: tip.hash.clone() };
         }
+    }
+
+    /// Jobs that were taken in and not removed since. Blocks.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn jobs_left(&self) -> io::Result<BTreeSet<String>> {
+        jobs_left(&self.path)
     }
 
     /// Makes durable what was appended.

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use std::thread::available_parallelism;
 use std::time::Duration;
 
-use crate::isolation::IsolationLimits;
-use crate::jobs::limits::{JobLimits, Retention};
+use crate::isolation::budget::default_memory_bytes;
+use crate::jobs::limits::{CpuLimits, JobLimits, Retention};
 use crate::jobs::process::InputLimits;
 use crate::jobs::store::QueueLimits;
 use crate::jobs::upload::UploadLimits;
@@ -25,8 +25,6 @@ pub struct ServeConfig {
     pub drain: Duration,
     /// What bounds the jobs.
     pub jobs: JobLimits,
-    /// What the processes in which jobs run may take.
-    pub isolation: IsolationLimits,
     /// What bounds the connections.
     pub connections: ConnectionLimits,
     /// Origins whose pages may use the service.
@@ -48,6 +46,8 @@ impl Default for ServeConfig {
                 min_free_bytes: 512 << 20,
                 max_requests: 512,
                 max_run: Duration::from_secs(1800),
+                run_memory_bytes: default_memory_bytes(),
+                run_cpu: CpuLimits::default(),
                 upload: UploadLimits {
                     max_bytes: 512 << 20,
                     idle: Duration::from_secs(30),
@@ -57,7 +57,6 @@ impl Default for ServeConfig {
                 input: InputLimits::default(),
                 keep: Retention { jobs: days(30), masks: days(1), results: days(7) },
             },
-            isolation: IsolationLimits::default(),
             connections: ConnectionLimits::default(),
             cors_origins: Vec::new(),
             webhooks: None,

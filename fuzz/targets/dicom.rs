@@ -17,6 +17,9 @@ mod nifti_bytes;
 #[allow(dead_code, reason = "as above")]
 #[path = "../seeds.rs"]
 mod seeds;
+#[allow(dead_code, reason = "as above")]
+#[path = "../../tests/it/help/text_bytes.rs"]
+mod text_bytes;
 
 /// Buffers, the inflater, tables by number of segment and by index.
 const FIXED: usize = 4 << 20;

@@ -19,6 +19,9 @@ mod nifti_bytes;
 #[allow(dead_code, reason = "as above")]
 #[path = "../seeds.rs"]
 mod seeds;
+#[allow(dead_code, reason = "as above")]
+#[path = "../../tests/it/help/text_bytes.rs"]
+mod text_bytes;
 
 /// Buffers of the header check, and the connections to the database.
 const FIXED: usize = 1 << 19;

@@ -17,6 +17,9 @@ mod nifti_bytes;
 #[allow(dead_code, reason = "as above")]
 #[path = "../seeds.rs"]
 mod seeds;
+#[allow(dead_code, reason = "as above")]
+#[path = "../../tests/it/help/text_bytes.rs"]
+mod text_bytes;
 
 /// Buffers, the inflater, the table of two-byte values.
 const FIXED: usize = 1 << 20;

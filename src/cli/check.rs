@@ -6,15 +6,16 @@ use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 use std::process::ExitCode;
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, anyhow, bail, ensure};
 
+use super::backup::UNFINISHED;
 use super::exit;
 use super::serve::ServeArgs;
 use crate::config::ServeConfig;
 use crate::jobs::job::Job;
 use crate::jobs::place::Place;
-use crate::jobs::store::Store;
-use crate::jobs::store::blobs::Blobs;
+use crate::jobs::store::blobs::{Blobs, lost_jobs, without_kept};
+use crate::jobs::store::{Store, StoreError};
 
 /// Arguments of `medialrep check`: those of `serve`, which are checked too.
 #[derive(Debug, clap::Args)]
@@ -68,9 +69,16 @@ async fn check_all(args: &CheckArgs, config: &ServeConfig, findings: &mut Findin
         return;
     }
     findings.tell("disk", check_disk(&place, config.jobs.min_free_bytes));
+    if config.data_dir.join(UNFINISHED).exists() {
+        findings.tell("copy", Err(anyhow!("this is a backup that was not finished: make another")));
+    }
     if !place.is_used() {
-        findings.tell("database", Ok("none yet; the first start makes it".to_owned()));
-        return;
+        let found = match place.holds_files() {
+            Ok(false) => Ok("none yet; the first start makes it".to_owned()),
+            Ok(true) => Err(StoreError::Lost.into()),
+            Err(error) => Err(error.into()),
+        };
+        return findings.tell("database", found);
     }
     let store = match place.open_store_to_read().await {
         Ok(store) => store,
@@ -79,6 +87,7 @@ async fn check_all(args: &CheckArgs, config: &ServeConfig, findings: &mut Findin
     findings.tell("database", check_database(&*store).await);
     findings.tell("access", check_access(&args.serve, store.has_tokens().await.unwrap_or(false)));
     findings.tell("files", check_files(&*store, &place).await);
+    findings.tell("rows", check_rows(&*store, &place).await);
     findings.tell("audit log", check_audit(&*store, &place).await);
 }
 
@@ -132,6 +141,23 @@ async fn check_files(store: &dyn Store, place: &Place) -> anyhow::Result<String>
         bail!("{} missing or damaged, the first {first}", bad.len());
     }
     Ok(format!("those of {checked} jobs are what was stored"))
+}
+
+/// No file is of a job that the audit log has and the database has not.
+async fn check_rows(store: &dyn Store, place: &Place) -> anyhow::Result<String> {
+    let found = place.blobs()?.stored().await?;
+    let kept = store.kept_files().await?;
+    let lost = lost_jobs(&found, &kept, &place.jobs_by_audit()?);
+    let unnamed = without_kept(found, kept);
+    if let Some(first) = lost.first() {
+        bail!(
+            "{} jobs are in the audit log, their files are here, and the database has not got them, the first {first}: it \
+             may have lost its last changes, or be an earlier one",
+            lost.len()
+        );
+    }
+    let told = if unnamed.is_empty() { String::new() } else { format!("; {} files are to be swept", unnamed.len()) };
+    Ok(format!("all jobs of the audit log whose files are here{told}"))
 }
 
 async fn damaged_files(blobs: &Blobs, job: &Job) -> Vec<String> {

@@ -22,7 +22,7 @@ use crate::problem::Problem;
 /// Arguments of `run`.
 #[derive(Debug, Args)]
 pub struct RunArgs {
-    /// The mask: a binary or label map, .nii or .nii.gz
+    /// The mask: a binary or label map, .nii, .nii.gz, .nrrd, .seg.nrrd or .mha
     mask: PathBuf,
     /// Folder for the results; made when it is not there
     #[arg(long, value_name = "DIR")]
@@ -109,7 +109,7 @@ fn check_mask(mask: &Path) -> Result<(), Box<Problem>> {
         usage("cannot_open_mask", format!("cannot open the mask {}: {why}", mask.display()), "MASK", hint)
     };
     if mask.is_dir() {
-        return Err(cannot("it is a folder", "name one file in it, .nii or .nii.gz"));
+        return Err(cannot("it is a folder", "name one file in it, such as .nii.gz or .nrrd"));
     }
     match File::open(mask) {
         Ok(_) => Ok(()),

@@ -236,6 +236,8 @@ impl ServeArgs {
                 storage_percent: limits.tenant_storage_percent,
                 max_requests: limits.max_open_requests,
                 max_run: Duration::from_secs(limits.max_run_seconds),
+                run_memory_bytes: limits.memory.map_or(defaults.jobs.run_memory_bytes, mib),
+                run_cpu: defaults.jobs.run_cpu,
                 upload: UploadLimits {
                     max_bytes: mib(limits.max_upload_mib),
                     idle: Duration::from_secs(limits.upload_idle_seconds),
@@ -244,10 +246,6 @@ impl ServeArgs {
                 },
                 input: InputLimits { max_voxels: limits.max_voxels, ..defaults.jobs.input },
                 keep: Retention { jobs: keep.keep_jobs.0, masks: keep.keep_masks.0, results: keep.keep_results.0 },
-            },
-            isolation: IsolationLimits {
-                memory_bytes: limits.memory.map_or(defaults.isolation.memory_bytes, mib),
-                ..defaults.isolation
             },
             connections: ConnectionLimits {
                 max_connections: limits.max_connections,
@@ -324,7 +322,8 @@ async fn listen(config: &ServeConfig) -> anyhow::Result<()> {
         TcpListener::bind(config.listen).await.with_context(|| format!("cannot listen on {}", config.listen))?;
     let address = listener.local_addr()?;
     tracing::info!(%address, workers = config.workers, "listening");
-    let isolation = Isolation::new(config.isolation);
+    let JobLimits { run_memory_bytes: memory_bytes, run_cpu: cpu, .. } = config.jobs;
+    let isolation = Isolation::new(IsolationLimits { memory_bytes, threads: None, cpu });
     let processor: Processor = Arc::new(move |mask, params, limits, out, observer| {
         isolation.process(mask, params, limits, (out, Kept::Record), observer)
     });

@@ -142,8 +142,9 @@ async fn create(args: CreateArgs, folder: &Path) -> anyhow::Result<ExitCode> {
     let expires_at = args.expires_in.map(|time| Timestamp::now().checked_add(time)).transpose()?;
     let stored = token.stored(args.tenant, args.scopes, expires_at);
     store.insert_token(&stored).await?;
-    record(folder, &*store, Action::TokenCreated, &stored).await?;
+    // Shown whatever comes next: it holds from now on.
     print(&token.reveal());
+    record(folder, &*store, Action::TokenCreated, &stored).await?;
     if store.has_jobs_of("").await? {
         complain(&format!(
             "jobs that were sent before there was a token are hidden now: medialrep token adopt --tenant {} shows them to it",

@@ -7,9 +7,9 @@ use std::path::Path;
 use super::read::answers::{Found, Sniffed};
 use super::read::sniff::{GZIP_MAGIC, guess};
 use super::read::stream::Stream;
-use super::read::{HeaderFacts, InputLimits, ReadError, dicom, nifti};
+use super::read::{HeaderFacts, InputLimits, ReadError, dicom, metaimage, nifti, nrrd};
 use crate::cancel::{Cancel, Never};
-use crate::space::{LabelVolume, VolumeNotice};
+use crate::space::LabelVolume;
 
 /// A format that is read. Gzip around a file is undone before a reader sees it.
 pub struct Reader {
@@ -45,6 +45,22 @@ pub static READERS: &[Reader] = &[
         header: dicom::header,
         read: dicom::read,
     },
+    Reader {
+        name: "NRRD",
+        versions: &["NRRD"],
+        endings: &[".nrrd", ".seg.nrrd"],
+        sniff: nrrd::sniff,
+        header: nrrd::header,
+        read: nrrd::read,
+    },
+    Reader {
+        name: "MetaImage",
+        versions: &["MetaImage"],
+        endings: &[".mha"],
+        sniff: metaimage::sniff,
+        header: metaimage::header,
+        read: metaimage::read,
+    },
 ];
 
 /// Bytes of a file that [`check_magic`] needs to see: as many as the most curious reader.
@@ -53,10 +69,6 @@ pub const MAGIC_BYTES: usize = most(nifti::KIND_BYTES, dicom::SNIFF_BYTES);
 const fn most(a: usize, b: usize) -> usize {
     if a > b { a } else { b }
 }
-
-/// Bytes tolerated after the last voxel, in gzip and after it: some tools pad or append. More means that the header
-/// does not describe the file.
-const MAX_TAIL_BYTES: u64 = 1 << 20;
 
 /// A file that was read.
 #[derive(Clone, Debug)]
@@ -67,7 +79,7 @@ pub struct ReadVolume {
     pub sha256: String,
     /// Bytes of the file as sent.
     pub bytes: u64,
-    /// The format with its version and packing: `nifti1`, `nifti2`, `dicom_seg`, each also with `.gz`.
+    /// The format with its version and packing: `nifti1`, `nifti1.gz`, `nrrd`, `dicom_seg`, ….
     pub format: &'static str,
 }
 
@@ -91,11 +103,8 @@ fn read_while(source: impl Read, limits: InputLimits, cancel: &dyn Cancel) -> Re
     let mut stream = Stream::open(source, limits.max_decompressed_bytes, cancel)?;
     let reader = reader_of(stream.peek(MAGIC_BYTES)?)?;
     let Found { mut volume, format } = (reader.read)(&mut stream, limits).map_err(|error| explain(error, &stream))?;
-    drain(&mut stream)?;
-    if stream.foreign() > 0 {
-        let message = format!("{} bytes after the end of the gzip stream were left unread", stream.foreign());
-        volume = volume.with_notices([VolumeNotice { code: "bytes_after_gzip", message }]);
-    }
+    stream.drain()?;
+    volume = volume.with_notices(stream.foreign_notice());
     let digested = stream.finish();
     Ok(ReadVolume { volume, sha256: digested.sha256, bytes: digested.bytes, format })
 }
@@ -142,20 +151,20 @@ fn reader_of(head: &[u8]) -> Result<&'static Reader, ReadError> {
 
 /// `NIfTI`, and what else there is.
 fn names() -> String {
-    either(READERS.iter().map(|reader| reader.name.to_owned()).collect())
+    alternatives(&READERS.iter().map(|reader| reader.name.to_owned()).collect::<Vec<_>>())
 }
 
 /// `NIfTI (.nii or .nii.gz)`, and what else there is.
 fn names_with_endings() -> String {
     let each = READERS.iter().map(|reader| format!("{} ({})", reader.name, reader.endings.join(" or ")));
-    either(each.collect())
+    alternatives(&each.collect::<Vec<_>>())
 }
 
-/// `a`, `a or b`, `a, b or c`.
-fn either(mut names: Vec<String>) -> String {
-    match (names.pop(), names.is_empty()) {
-        (Some(last), false) => format!("{} or {last}", names.join(", ")),
-        (last, _) => last.unwrap_or_default(),
+/// `a, b or c`.
+fn alternatives(all: &[String]) -> String {
+    match all {
+        [first @ .., last] if !first.is_empty() => format!("{} or {last}", first.join(", ")),
+        _ => all.join(""),
     }
 }
 
@@ -173,17 +182,8 @@ pub fn versions_with_endings() -> Vec<String> {
 /// Every version that is read, in a sentence: `NIfTI-1, NIfTI-2 or DICOM SEG`.
 #[must_use]
 pub fn versions() -> String {
-    either(READERS.iter().flat_map(|reader| reader.versions).map(|version| (*version).to_owned()).collect())
-}
-
-/// Reads to the end: only then has gzip compared its checksum, and is the hash that of the
-/// whole file.
-fn drain(stream: &mut Stream<'_>) -> Result<(), ReadError> {
-    let expected = stream.position();
-    if stream.skip(MAX_TAIL_BYTES + 1)? + stream.drop_foreign(MAX_TAIL_BYTES + 1)? > MAX_TAIL_BYTES {
-        return Err(ReadError::TrailingData { expected, allowed: MAX_TAIL_BYTES });
-    }
-    Ok(())
+    let all = READERS.iter().flat_map(|reader| reader.versions).map(|version| (*version).to_owned());
+    alternatives(&all.collect::<Vec<_>>())
 }
 
 #[cfg(test)]
@@ -193,11 +193,16 @@ mod tests {
     #[test]
     fn what_no_reader_takes_is_refused_with_what_is_read() {
         let error = check_magic(b"{}").unwrap_err();
-        assert_eq!(error.to_string(), "the file is not a NIfTI or DICOM SEG image: it looks like JSON");
-        assert_eq!(error.hint(), "send the mask as NIfTI (.nii or .nii.gz) or DICOM SEG (.dcm)");
+        assert_eq!(
+            error.to_string(),
+            "the file is not a NIfTI, DICOM SEG, NRRD or MetaImage image: it looks like JSON"
+        );
+        assert_eq!(
+            error.hint(),
+            "send the mask as NIfTI (.nii or .nii.gz), DICOM SEG (.dcm), NRRD (.nrrd or .seg.nrrd) or MetaImage (.mha)"
+        );
         let error = check_magic(b"version https://git-lfs.github.com/spec/v1\n").unwrap_err();
-        let hint =
-            "fetch the file itself (git lfs pull), and send the mask as NIfTI (.nii or .nii.gz) or DICOM SEG (.dcm)";
-        assert_eq!(error.hint(), hint);
+        let hint = "fetch the file itself (git lfs pull), and send the mask as NIfTI";
+        assert!(error.hint().starts_with(hint), "{}", error.hint());
     }
 }

@@ -64,12 +64,12 @@ const IDEMPOTENT_REPLAYED: HeaderName = HeaderName::from_static("idempotent-repl
             ("Retry-After" = u32, description = "Seconds until it is worth a look"),
             ("Idempotent-Replayed" = String, description = "`true` when the key was known")
         )),
-        (status = 400, body = Problem, content_type = PROBLEM_JSON, description = "`empty_upload`, `upload_interrupted`, `invalid_multipart`, `invalid_query`, `invalid_idempotency_key`, `malformed_params`; of the file `truncated`, `corrupt_gzip`, `bad_dimensions`, `bad_header_field`"),
+        (status = 400, body = Problem, content_type = PROBLEM_JSON, description = "`empty_upload`, `upload_interrupted`, `invalid_multipart`, `invalid_query`, `invalid_idempotency_key`, `malformed_params`; of the file `truncated`, `corrupt_gzip`, `bad_dimensions`, `bad_header_field`, `bad_header_line`, `missing_header_line`"),
         TokenProblems,
         (status = 408, body = Problem, content_type = PROBLEM_JSON, description = "`upload_too_slow`"),
         (status = 413, body = Problem, content_type = PROBLEM_JSON, description = "`upload_too_large`, `too_many_voxels`"),
-        (status = 415, body = Problem, content_type = PROBLEM_JSON, description = "`not_nifti`, `two_file_nifti`, `content_encoding`"),
-        (status = 422, body = Problem, content_type = PROBLEM_JSON, description = "`invalid_params`, `invalid_labels`, `callback_not_allowed`, `idempotency_key_reused`; of the file `several_volumes`, `unsupported_datatype`, `bad_affine`, `unsupported_transfer_syntax`, `not_a_segmentation`, `uneven_slices` and others of DICOM"),
+        (status = 415, body = Problem, content_type = PROBLEM_JSON, description = "`not_nifti`, `two_file_nifti`, `detached_header`, `content_encoding`"),
+        (status = 422, body = Problem, content_type = PROBLEM_JSON, description = "`invalid_params`, `invalid_labels`, `callback_not_allowed`, `idempotency_key_reused`; of the file `several_volumes`, `unsupported_datatype`, `unsupported_header`, `bad_affine`, `unsupported_transfer_syntax`, `not_a_segmentation`, `uneven_slices` and others of DICOM"),
         (status = 429, body = Problem, content_type = PROBLEM_JSON, description = "`queue_share_full`, `too_many_requests`; Retry-After says when to try again"),
         (status = 503, body = Problem, content_type = PROBLEM_JSON, description = "`queue_full`; Retry-After says when to try again"),
         (status = 507, body = Problem, content_type = PROBLEM_JSON, description = "`storage_full`, `storage_low`, `storage_share_full`")

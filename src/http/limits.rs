@@ -38,6 +38,12 @@ pub struct Limits {
     max_params_labels: usize,
     /// Longest run of a job, seconds.
     max_run_seconds: u64,
+    /// Memory of all runs together, bytes; a run that needs more is refused.
+    run_memory_bytes: u64,
+    /// Processor time of a run, whatever the size of its file, seconds.
+    run_cpu_seconds: f64,
+    /// Processor time of a run besides, for each kilobyte of its file once that is compressed, seconds.
+    run_cpu_seconds_per_kilobyte: f64,
     /// Jobs that may wait.
     max_queued_jobs: u64,
     /// Bytes of masks that may wait.
@@ -89,6 +95,9 @@ pub async fn limits(State(jobs): State<Arc<Jobs>>) -> Json<Limits> {
         dimensions: DIMENSIONS,
         max_params_labels: *LABEL_COUNT.end(),
         max_run_seconds: limits.max_run.as_secs(),
+        run_memory_bytes: limits.run_memory_bytes,
+        run_cpu_seconds: limits.run_cpu.least.as_secs_f64(),
+        run_cpu_seconds_per_kilobyte: limits.run_cpu.per_kb.as_secs_f64(),
         max_queued_jobs: limits.queue.jobs,
         max_queued_bytes: limits.queue.bytes,
         tenant_share_percent: limits.queue.share_percent,

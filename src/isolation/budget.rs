@@ -18,34 +18,6 @@ const FIRST_SHARE_BYTES: u64 = 256 << 20;
 /// Bytes for each voxel of a volume: a brain of 37 million takes 3.
 const BYTES_PER_VOXEL: u64 = 4;
 
-/// How much of a plain file is surface: what gzip leaves of label maps.
-const COMPRESSED_SHARE: f64 = 0.005;
-
-/// Processor time that a run may take: it follows the size of its file, so that who sends little cannot ask for much.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct CpuLimits {
-    /// Whatever the size.
-    pub least: Duration,
-    /// For each kilobyte of a compressed file. A torso of 59 labels and a vertebra take 0.3 s, single organs 0.1 s and less; as many
-    /// times as much with `uncertainty`.
-    pub per_kb: Duration,
-}
-
-impl Default for CpuLimits {
-    fn default() -> Self {
-        Self { least: Duration::from_secs(10), per_kb: Duration::from_secs(18) }
-    }
-}
-
-impl CpuLimits {
-    /// Time for a file of so many bytes.
-    #[must_use]
-    pub fn of(self, bytes: u64, is_compressed: bool) -> Duration {
-        let compressed = if is_compressed { bytes as f64 } else { bytes as f64 * COMPRESSED_SHARE };
-        self.least + self.per_kb.mul_f64(compressed / 1024.0)
-    }
-}
-
 /// Memory that a run gets at first.
 #[must_use]
 pub fn first_share(header: &HeaderFacts) -> u64 {
@@ -215,14 +187,6 @@ mod tests {
         assert!(memory.take(10, &Stopped).is_err());
         drop(held);
         assert_eq!(memory.take(100, &Never).unwrap().bytes, 100);
-    }
-
-    #[test]
-    fn time_follows_the_size_of_the_file() {
-        let limits = CpuLimits::default();
-        assert_eq!(limits.of(0, true), Duration::from_secs(10));
-        assert_eq!(limits.of(2048, true), Duration::from_secs(46));
-        assert_eq!(limits.of(2048 * 200, false), Duration::from_secs(46));
     }
 
     #[test]

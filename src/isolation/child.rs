@@ -196,8 +196,8 @@ impl Observer for Reporter {
     fn progress(&self, structure: usize, structures: usize, stage: Stage, fraction: f64) {
         let mut out = self.out();
         let now = Instant::now();
-        let is_within = fraction > 0.0 && fraction < 1.0;
-        if is_within && now.duration_since(out.1) < PROGRESS {
+        // That a stage begins tells that the one before has ended.
+        if fraction > 0.0 && now.duration_since(out.1) < PROGRESS {
             return;
         }
         out.1 = now;

@@ -1,6 +1,6 @@
 //! Starts children, hands them runs, and tells what became of those.
 
-use std::io::{self, Read};
+use std::io::{self, BufReader, Read};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
@@ -9,11 +9,12 @@ use std::time::Duration;
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
-use super::budget::{CpuLimits, Memory, default_memory_bytes, first_share};
+use super::budget::{Memory, default_memory_bytes, first_share};
 use super::wire::{Outcome, Request, Told, receive, send, written};
 use crate::formats::params_json::params_to_json;
 use crate::formats::readers::check_header;
 use crate::formats::{HeaderFacts, InputLimits};
+use crate::jobs::limits::CpuLimits;
 use crate::jobs::process::{Kept, ProcessError, READING, remove_files};
 use crate::jobs::processed::Processed;
 use crate::params::CheckedParams;
@@ -65,7 +66,7 @@ pub struct Isolation {
 struct Worker {
     child: Child,
     requests: ChildStdin,
-    told: ChildStdout,
+    told: BufReader<ChildStdout>,
 }
 
 /// How a run in a child ended.
@@ -207,7 +208,7 @@ impl Isolation {
         let mut child = command.spawn()?;
         let pipes = child.stdin.take().zip(child.stdout.take());
         let (requests, told) = pipes.ok_or_else(|| io::Error::other("a process has no pipes"))?;
-        Ok(Worker { child, requests, told })
+        Ok(Worker { child, requests, told: BufReader::new(told) })
     }
 }
 
@@ -215,12 +216,7 @@ impl Worker {
     /// Hands on what the child says until its run is over; `None` when it is gone, or was killed because the run is to stop.
     fn listen(&mut self, observer: &dyn Observer) -> io::Result<Option<(Outcome, u64)>> {
         loop {
-            let mut ready = [PollFd::new(&self.told, PollFlags::IN)];
-            match poll(&mut ready, Some(&LOOK)) {
-                Ok(_) | Err(rustix::io::Errno::INTR) => {}
-                Err(error) => return Err(error.into()),
-            }
-            let is_silent = ready[0].revents().is_empty();
+            let is_silent = self.told.buffer().is_empty() && is_silent(self.told.get_ref())?;
             if observer.is_cancelled() {
                 let _ = self.child.kill();
                 return Ok(None);
@@ -266,6 +262,15 @@ impl Drop for Worker {
     fn drop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
+    }
+}
+
+/// Waits a moment for something to be said.
+fn is_silent(told: &ChildStdout) -> io::Result<bool> {
+    let mut ready = [PollFd::new(told, PollFlags::IN)];
+    match poll(&mut ready, Some(&LOOK)) {
+        Ok(_) | Err(rustix::io::Errno::INTR) => Ok(ready[0].revents().is_empty()),
+        Err(error) => Err(error.into()),
     }
 }
 

@@ -3,6 +3,7 @@
 
 use std::time::Duration;
 
+use super::limits::compressed_bytes;
 use crate::formats::HeaderFacts;
 use crate::params::CheckedParams;
 
@@ -11,13 +12,11 @@ const PER_VOXEL_NS: f64 = 10.0;
 /// Nanoseconds for each compressed byte. A label map compresses to its surfaces, and the time goes
 /// with them: between 3 µs and 40 µs a byte on the masks it was measured on.
 const PER_COMPRESSED_BYTE_NS: f64 = 10_000.0;
-/// How much of a plain file is surface: what gzip leaves of label maps.
-const COMPRESSED_SHARE: f64 = 0.005;
 
 /// The time that a mask of `bytes` bytes is expected to take on one thread.
 #[must_use]
 pub fn expected(header: &HeaderFacts, bytes: u64, params: &CheckedParams) -> Duration {
-    let compressed = if header.is_compressed { bytes as f64 } else { bytes as f64 * COMPRESSED_SHARE };
+    let compressed = compressed_bytes(bytes, header.is_compressed);
     let once = header.voxels as f64 * PER_VOXEL_NS + compressed * PER_COMPRESSED_BYTE_NS;
     Duration::from_secs_f64(once * 1e-9 * params.runs() as f64)
 }

@@ -1,6 +1,7 @@
 //! Where a service keeps what it knows. Servers and the commands beside them open it here, and only
 //! here: none of them names a database.
 
+use std::collections::BTreeSet;
 use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -35,6 +36,7 @@ pub enum OpenError {
 /// scratch/    files under way, by server
 /// instances/  servers that live
 /// audit/      who did what
+/// reserve     room for what must work on a full disk
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Place {
@@ -54,14 +56,35 @@ impl Place {
         self.database().exists()
     }
 
-    /// Opens the store, making it when there is none, and brings it up to date.
+    /// Whether there are files of jobs, or entries of an audit log: there must be a database then.
     ///
     /// # Errors
-    /// When it cannot be used, or is of a later version of this program.
+    /// When a folder cannot be read.
+    pub fn holds_files(&self) -> io::Result<bool> {
+        for name in ["masks", "results"] {
+            match self.folder.join(name).read_dir() {
+                Ok(mut entries) => {
+                    if entries.next().is_some() {
+                        return Ok(true);
+                    }
+                }
+                Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(self.audit_log().metadata().is_ok_and(|about| about.len() > 0))
+    }
+
+    /// Opens the store, making it when there is none and nothing that it should know, and brings it up to date.
+    ///
+    /// # Errors
+    /// When it cannot be used, was lost, or is of a later version of this program.
     pub async fn open_store(&self) -> Result<Arc<dyn Store>, OpenError> {
         make_private(&self.folder)?;
         make_private(&self.folder.join("db"))?;
-        Ok(Arc::new(SqliteStore::open(&self.database()).await?))
+        // Asked first: who makes the first database has nothing beside it yet.
+        let may_be_new = !self.holds_files()?;
+        Ok(Arc::new(SqliteStore::open(&self.database(), may_be_new).await?))
     }
 
     /// Opens the store to be read, as it is: nothing of it changes.
@@ -69,7 +92,11 @@ impl Place {
     /// # Errors
     /// When it cannot be used, or is of another version of this program.
     pub async fn open_store_to_read(&self) -> Result<Arc<dyn Store>, OpenError> {
-        Ok(Arc::new(SqliteStore::open_to_read(&self.database()).await?))
+        match SqliteStore::open_to_read(&self.database()).await {
+            // No start brings up to date what is gone.
+            Err(StoreError::Older { found: 0, .. }) if self.holds_files()? => Err(StoreError::Lost.into()),
+            opened => Ok(Arc::new(opened?)),
+        }
     }
 
     /// Copies the store as it is now to another place, which has none. Others may write meanwhile.
@@ -107,6 +134,14 @@ impl Place {
     /// When it cannot be read or written.
     pub fn open_audit(&self) -> io::Result<Audit> {
         Audit::open(&self.audit_log())
+    }
+
+    /// Jobs that by the audit log were taken in and not removed. Blocks.
+    ///
+    /// # Errors
+    /// When the log cannot be read.
+    pub fn jobs_by_audit(&self) -> io::Result<BTreeSet<String>> {
+        audit::jobs_left(&self.audit_log())
     }
 
     /// Follows the chain of the audit log; `None` when there is no log yet. Blocks.

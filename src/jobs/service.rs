@@ -23,7 +23,7 @@ use super::running::{Running, RunningJobs};
 use super::storage_health::StorageHealth;
 use super::store::blobs::Blobs;
 use super::store::liveness::Instance;
-use super::store::{CancelAnswer, Lease, ListQuery, QueueLimits, RetryAnswer, Store};
+use super::store::{CancelAnswer, Lease, ListQuery, QueueLimits, RetryAnswer, Store, StoreError};
 use super::upkeep::Unnamed;
 use crate::audit::{Action, Audit, Entry};
 use crate::metrics::{Metrics, Now};
@@ -252,7 +252,11 @@ impl Jobs {
     /// When there is no such job or it has ended.
     pub async fn cancel(&self, caller: &Caller, id: JobId) -> Result<JobStatus, JobsError> {
         self.own(caller, id).await?;
-        match self.store.cancel(id, Timestamp::now()).await? {
+        let mut canceled = self.store.cancel(id, Timestamp::now()).await;
+        if matches!(canceled, Err(StoreError::Full)) && self.gives_room().await {
+            canceled = self.store.cancel(id, Timestamp::now()).await;
+        }
+        match canceled? {
             CancelAnswer::NotFound => return Err(JobsError::NotFound),
             CancelAnswer::AlreadyEnded(state) => return Err(JobsError::AlreadyEnded(state)),
             CancelAnswer::Requested => self.running.stop(id),
@@ -291,10 +295,16 @@ impl Jobs {
     /// When there is no such job or a file cannot be removed.
     pub async fn delete(&self, caller: &Caller, id: JobId) -> Result<(), JobsError> {
         self.own(caller, id).await?;
-        if !self.store.delete(id).await? {
+        let mut deleted = self.store.delete(id).await;
+        if matches!(deleted, Err(StoreError::Full)) && self.gives_room().await {
+            deleted = self.store.delete(id).await;
+        }
+        if !deleted? {
             return Err(JobsError::NotFound);
         }
         self.note_deleted();
+        // Before the files go: files of a job that the log has and the database has not tell of a database that lost something.
+        self.record(caller, Action::Delete, Some(id), "erased").await;
         if let Some(running) = self.running.get(id) {
             running.stop();
             // A run that does not stop in time erases its own files when it ends.
@@ -302,9 +312,18 @@ impl Jobs {
         }
         self.blobs.erase(id).await?;
         tracing::info!(job = %id, "job deleted");
-        self.record(caller, Action::Delete, Some(id), "erased").await;
         self.changes.state(id);
         Ok(())
+    }
+
+    /// Gives up the room that was kept back, for a change that must work on a full disk; `false` when it is used up.
+    async fn gives_room(&self) -> bool {
+        let blobs = self.blobs.clone();
+        let is_given = on_own_thread(move || Ok(blobs.give_up_reserve())).await.unwrap_or(false);
+        if is_given {
+            tracing::warn!("the disk is full: the room that was kept back is used");
+        }
+        is_given
     }
 
     /// Rows were deleted: what is left of them is wiped soon.
@@ -339,9 +358,18 @@ impl Jobs {
         checks.iter().filter(|(_, is_broken)| *is_broken).map(|(what, _)| *what).collect()
     }
 
+    /// What is known of the storage.
+    pub(super) fn storage_health(&self) -> &StorageHealth {
+        &self.storage_health
+    }
+
     /// Tries whether the database and the data directory take a write.
     pub(super) async fn try_storage(&self) {
         self.storage_health.try_writes(&*self.store, &self.blobs).await;
+        let (blobs, min_free_bytes) = (self.blobs.clone(), self.limits.min_free_bytes);
+        if let Err(error) = on_own_thread(move || blobs.keep_reserve(min_free_bytes)).await {
+            tracing::warn!(%error, "no room of the disk can be kept back");
+        }
     }
 
     /// Whether the disk has less room than is to be left free: then nothing is taken in.
@@ -378,8 +406,9 @@ impl Jobs {
 
     /// A job of the caller's; another tenant's is as good as none.
     pub(super) async fn own(&self, caller: &Caller, id: JobId) -> Result<Job, JobsError> {
-        let job = self.store.get(id).await?;
-        job.filter(|job| job.owner == caller.tenant).ok_or(JobsError::NotFound)
+        let job = self.store.get(id).await;
+        self.storage_health.hear(&job);
+        job?.filter(|job| job.owner == caller.tenant).ok_or(JobsError::NotFound)
     }
 
     fn with_progress(&self, job: Job, queue_position: Option<u64>) -> JobStatus {

@@ -13,7 +13,7 @@ use super::error::JobsError;
 use super::expected::expected;
 use super::job::{Job, JobId, RequestedParams};
 use super::service::{JobStatus, Jobs};
-use super::store::{Inserted, NewJob, Reused, new_token};
+use super::store::{Inserted, NewJob, Reused, StoreError, new_token};
 use super::upload::{Received, preflight};
 use crate::audit::Action;
 use crate::formats::hex;
@@ -138,10 +138,14 @@ impl Jobs {
     /// Mask first, row then; leaves no file of a job that is not new.
     async fn keep(&self, new: &NewJob, file: &Path) -> Result<Inserted, JobsError> {
         let inserted = match self.blobs().keep_mask(file, new.id).await {
-            Ok(()) => self.store().insert(new, self.queue_limits(&new.owner)?).await.map_err(JobsError::Store),
+            Ok(()) => {
+                let inserted = self.store().insert(new, self.queue_limits(&new.owner)?).await;
+                self.storage_health().hear(&inserted);
+                inserted.map_err(JobsError::Store)
+            }
             Err(error) => Err(JobsError::Files(error)),
         };
-        if !matches!(inserted, Ok(Inserted::New))
+        if is_not_kept(&inserted)
             && let Err(error) = self.blobs().erase(new.id).await
         {
             tracing::error!(job = %new.id, %error, "files of a refused job cannot be removed; they are swept later");
@@ -175,6 +179,11 @@ impl Jobs {
                 Ok(_) => {}
                 // Damaged, or deleted in this moment: then it is computed again.
                 Err(JobsError::ResultDamaged | JobsError::NotFound | JobsError::ResultsErased) => return Ok(None),
+                Err(JobsError::Files(error)) => {
+                    tracing::error!(job = %from, name = file.name, %error, "a result cannot be read");
+                    self.metrics().damaged();
+                    return Ok(None);
+                }
                 Err(error) => return Err(error),
             }
         }
@@ -188,5 +197,19 @@ impl Jobs {
                 Ok(None)
             }
         }
+    }
+}
+
+/// Whether it is certain that no row was kept. What an error of the database leaves is unknown: a change that could not be
+/// brought to disk may be there after the next start. Files without a row are swept.
+fn is_not_kept(inserted: &Result<Inserted, JobsError>) -> bool {
+    match inserted {
+        Ok(Inserted::New) => false,
+        Ok(Inserted::Known(_)) => true,
+        Err(JobsError::Store(error)) => matches!(
+            error,
+            StoreError::QueueFull | StoreError::ShareFull | StoreError::StorageShareFull | StoreError::KeyReused
+        ),
+        Err(_) => true,
     }
 }

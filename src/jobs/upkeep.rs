@@ -12,7 +12,7 @@ use super::error::JobsError;
 use super::job::{JobId, JobState};
 use super::place::OpenError;
 use super::service::Jobs;
-use super::store::blobs::{StoredKey, without_kept};
+use super::store::blobs::{StoredKey, lost_jobs, without_kept};
 use super::store::{Reclaim, StoreError};
 
 /// How long it must be known that no job names a file before it is swept while others may be at work. A file has its row within
@@ -49,13 +49,17 @@ impl Jobs {
         let peers = self.instance().peers();
         let swept = match on_own_thread(move || peers.alone()).await? {
             Some(alone) => {
-                let swept = self.sweep_all().await?;
+                let swept = self.sweep_all().await;
                 drop(alone);
                 swept
             }
-            None => self.sweep_old().await?,
+            None => self.sweep_old().await,
         };
-        tracing::info!(taken_up, swept, "data directory opened");
+        match swept {
+            Ok(swept) => tracing::info!(taken_up, swept, "data directory opened"),
+            // Nobody's work depends on it.
+            Err(error) => tracing::error!(taken_up, %error, "files that no job names cannot be swept"),
+        }
         Ok(())
     }
 
@@ -99,14 +103,32 @@ impl Jobs {
     async fn sweep_all(&self) -> Result<usize, OpenError> {
         let blobs = self.blobs().clone();
         on_own_thread(move || blobs.sweep_scratch_of_others()).await?;
-        Ok(self.blobs().remove(&self.unnamed().await?).await?)
+        let found = self.blobs().stored().await?;
+        let kept = self.store().kept_files().await?;
+        let audit = self.audit();
+        let (left, lost) = on_own_thread(move || {
+            let lost = lost_jobs(&found, &kept, &audit.jobs_left()?);
+            let mut left = without_kept(found, kept);
+            left.retain(|key| key.job().is_none_or(|job| !lost.contains(&job)));
+            Ok((left, lost))
+        })
+        .await?;
+        if let Some(first) = lost.first() {
+            tracing::error!(
+                jobs = lost.len(),
+                first,
+                "there are files of jobs that the audit log has and the database has not: it may have lost its last changes, or \
+                 be an earlier one; stop the server within an hour to keep them"
+            );
+        }
+        Ok(self.blobs().remove(&left).await)
     }
 
     /// Removes files of which it has been known for long enough that no job names them.
     pub(super) async fn sweep_old(&self) -> Result<usize, OpenError> {
         let mut known = self.known_unnamed().lock().await;
         let ripe = known.look(self.unnamed().await?, Instant::now());
-        Ok(self.blobs().remove(&ripe).await?)
+        Ok(self.blobs().remove(&ripe).await)
     }
 
     /// Files that no job names now. Files first, rows then: what is stored in between is not looked at.
@@ -142,7 +164,7 @@ mod tests {
 
     #[test]
     fn a_file_is_swept_when_no_job_has_named_it_for_long_enough() {
-        let [left, named_later] = ["left", "named later"].map(StoredKey::draft);
+        let [left, named_later] = ["left", "named later"].map(StoredKey::other);
         let (start, mut known) = (Instant::now(), Unnamed::default());
         let mut look = |found: &[&StoredKey], halves: u32| {
             known.look(found.iter().copied().cloned().collect(), start + UNNAMED_FOR / 2 * halves)

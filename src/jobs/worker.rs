@@ -139,6 +139,7 @@ async fn work(jobs: &Arc<Jobs>, processor: &Processor, stop: &CancellationToken)
         let now = Timestamp::now();
         match jobs.store().claim(jobs.instance().id(), now, now + LEASE).await {
             Ok(Some(claim)) => {
+                jobs.storage_health().claims(true);
                 let span = info_span!("job", job = %claim.job.id, trace_id = claim.job.trace_id);
                 let ran = run(jobs, processor, claim).instrument(span.clone()).await;
                 while endings.len() >= ENDINGS {
@@ -146,8 +147,12 @@ async fn work(jobs: &Arc<Jobs>, processor: &Processor, stop: &CancellationToken)
                 }
                 endings.spawn(end_or_let_go(Arc::clone(jobs), ran).instrument(span));
             }
-            Ok(None) => wait(jobs, stop).await,
+            Ok(None) => {
+                jobs.storage_health().claims(true);
+                wait(jobs, stop).await;
+            }
             Err(error) => {
+                jobs.storage_health().claims(false);
                 tracing::error!(%error, "no job can be claimed");
                 wait(jobs, stop).await;
             }
@@ -206,10 +211,10 @@ async fn end(jobs: Arc<Jobs>, ran: Ran) {
             outcome = storage_failed(&error);
         }
     }
-    let is_written = finish(&jobs, &running, &outcome).await;
-    clean_up(&jobs, &running, &outcome, is_written).await;
+    let finished = finish(&jobs, &running, &outcome).await;
+    clean_up(&jobs, &running, &outcome, finished).await;
     jobs.running().end(&running);
-    if is_written {
+    if finished == Finished::Written {
         jobs.has_ended(lease.id).await;
     }
 }
@@ -221,7 +226,7 @@ async fn is_unwanted(jobs: &Jobs, job: &Job) -> bool {
 async fn run_blocking(jobs: &Arc<Jobs>, processor: &Processor, job: &Job, running: &Arc<Running>) -> Outcome {
     let mask = match jobs.blobs().local_mask(job.id).await {
         Ok(mask) => mask,
-        Err(error) => return mask_lost(jobs, &error),
+        Err(error) => return mask_unread(jobs, &error),
     };
     let attempt = Attempt { jobs: Arc::clone(jobs), job: job.clone(), mask, running: Arc::clone(running) };
     let (processor, span) = (Arc::clone(processor), tracing::Span::current());
@@ -252,7 +257,7 @@ impl Attempt {
         match sha256_of_file(self.mask.path()) {
             Ok(sha256) if sha256 == self.job.mask.sha256 => {}
             Ok(_) => return mask_lost(&self.jobs, &io::Error::other("its hash is another")),
-            Err(error) => return mask_lost(&self.jobs, &error),
+            Err(error) => return mask_unread(&self.jobs, &error),
         }
         let folder = match self.jobs.blobs().begin_attempt(&self.running.lease.token) {
             Ok(folder) => folder,
@@ -308,6 +313,15 @@ fn mask_lost(jobs: &Jobs, error: &io::Error) -> Outcome {
     Outcome::Failed(Box::new(problem))
 }
 
+/// The mask cannot be read. It may be whole: only one that is gone is lost.
+fn mask_unread(jobs: &Jobs, error: &io::Error) -> Outcome {
+    if error.kind() == io::ErrorKind::NotFound {
+        return mask_lost(jobs, error);
+    }
+    tracing::error!(%error, "the stored mask cannot be read");
+    Outcome::Failed(Box::new(Problem::of_storage(error)))
+}
+
 fn storage_failed(error: &io::Error) -> Outcome {
     tracing::error!(%error, "results cannot be written");
     Outcome::Failed(Box::new(Problem::of_storage(error)))
@@ -322,20 +336,29 @@ fn succeeded(processed: &Processed) -> Outcome {
     }
 }
 
-/// Writes the outcome; `false` when the job is not this worker's any more or the store fails for
-/// good, so that the end of the lease decides.
-async fn finish(jobs: &Jobs, running: &Running, outcome: &Outcome) -> bool {
+/// Whether an outcome was written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Finished {
+    Written,
+    /// The job is not this worker's any more.
+    NotOurs,
+    /// The store fails: it may be written or not, and the end of the lease decides.
+    Unknown,
+}
+
+/// Writes the outcome.
+async fn finish(jobs: &Jobs, running: &Running, outcome: &Outcome) -> Finished {
     for tried in 1..=FINISH_TRIES {
         match jobs.store().finish(&running.lease, outcome, Timestamp::now()).await {
             Ok(()) => {
                 let (state, code) = name(outcome);
                 tracing::info!(state, code, "job ended");
                 jobs.metrics().ended(state, code);
-                return true;
+                return Finished::Written;
             }
             Err(StoreError::StaleLease) => {
                 tracing::info!("outcome dropped: the job was given away or deleted");
-                return false;
+                return Finished::NotOurs;
             }
             Err(error) => {
                 tracing::error!(%error, tried, "outcome cannot be written");
@@ -343,20 +366,22 @@ async fn finish(jobs: &Jobs, running: &Running, outcome: &Outcome) -> bool {
             }
         }
     }
-    false
+    Finished::Unknown
 }
 
 /// Removes the attempt's scratch files, what it stored that is not published, everything of a job
 /// that is gone, and a mask that was refused: it would be refused again, so nobody needs it.
-async fn clean_up(jobs: &Jobs, running: &Running, outcome: &Outcome, is_written: bool) {
+async fn clean_up(jobs: &Jobs, running: &Running, outcome: &Outcome, finished: Finished) {
     let lease = running.lease.clone();
     let (blobs, token) = (jobs.blobs().clone(), lease.token.clone());
     let scratch = on_own_thread(move || blobs.end_attempt(&token)).await;
     let erased = async {
         scratch?;
-        match outcome {
-            Outcome::Succeeded { .. } if is_written => return Ok(()),
-            Outcome::Failed(problem) if is_written && !problem.is_our_fault() => jobs.forget_mask(lease.id).await,
+        match (outcome, finished) {
+            (_, Finished::Unknown) | (Outcome::Succeeded { .. }, Finished::Written) => return Ok(()),
+            (Outcome::Failed(problem), Finished::Written) if !problem.is_our_fault() => {
+                jobs.forget_mask(lease.id).await
+            }
             _ => {}
         }
         if matches!(jobs.store().get(lease.id).await, Ok(None)) {

@@ -381,6 +381,8 @@ async fn the_limits_are_those_that_hold() {
     let told = server.get("/v1/limits").await.json();
     assert_eq!(told["max_upload_bytes"], limits().upload.max_bytes);
     assert_eq!(told["max_queued_jobs"], 5);
+    assert_eq!(told["run_memory_bytes"], limits().run_memory_bytes);
+    assert_eq!(told["run_cpu_seconds"], limits().run_cpu.least.as_secs_f64());
     assert_eq!(told["retention"]["masks_seconds"], 24 * 3600);
     assert_eq!(told["webhooks"], false);
 }

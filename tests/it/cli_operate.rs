@@ -1,6 +1,6 @@
 //! What an operator does beside a running service: tokens, check, backup.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Output;
 
 use serde_json::Value;
@@ -257,4 +257,64 @@ fn every_option_has_its_environment_variable() {
         let variable = format!("MEDIALREP_{}", option.trim_start_matches('-').replace('-', "_").to_uppercase());
         assert!(help.contains(&format!("env: {variable}=")), "{option}");
     }
+}
+
+/// The database of a data directory, put aside and back.
+fn database(data: &Path) -> PathBuf {
+    data.join("db/jobs.sqlite")
+}
+
+fn without_log(data: &Path) {
+    for name in ["db/jobs.sqlite-wal", "db/jobs.sqlite-shm"] {
+        let _ = std::fs::remove_file(data.join(name));
+    }
+}
+
+#[test]
+fn a_server_does_not_start_beside_files_whose_database_is_lost() {
+    let dir = TempDir::new().unwrap();
+    let data = dir.path().join("data");
+    let mut service = Service::start(&data, &[]);
+    let job = service.submit(&sample(dir.path()));
+    service.ended(&job);
+    service.terminate();
+    for lost in [None, Some(b"")] {
+        std::fs::remove_file(database(&data)).unwrap();
+        without_log(&data);
+        if let Some(content) = lost {
+            std::fs::write(database(&data), content).unwrap();
+        }
+        let started = run(&["serve", "--listen", "127.0.0.1:0"], &data);
+        let told = String::from_utf8_lossy(&started.stderr).into_owned();
+        assert!(started.status.code() == Some(1) && told.contains("put db/ back"), "{told}");
+        let (code, told) = check(&data);
+        assert!(code == Some(1) && told.contains("BAD   database"), "{told}");
+        let results = data.join("results").join(job.rsplit('/').next().unwrap());
+        assert!(results.is_dir(), "nothing was swept");
+        std::fs::write(database(&data), b"").unwrap();
+    }
+}
+
+#[test]
+fn files_of_jobs_that_the_database_lost_are_told_and_not_swept_at_once() {
+    let dir = TempDir::new().unwrap();
+    let (data, aside) = (dir.path().join("data"), dir.path().join("aside.sqlite"));
+    Service::start(&data, &[]).terminate();
+    std::fs::copy(database(&data), &aside).unwrap();
+    let mut service = Service::start(&data, &[]);
+    let job = service.submit(&sample(dir.path()));
+    let deleted = service.submit(&sample(dir.path()));
+    for job in [&job, &deleted] {
+        service.ended(job);
+    }
+    service.call(&format!("DELETE {deleted}"), b"");
+    service.terminate();
+    without_log(&data);
+    std::fs::copy(&aside, database(&data)).unwrap();
+    let (code, told) = check(&data);
+    assert!(code == Some(1) && told.contains("BAD   rows: 1 jobs are in the audit log"), "{told}");
+    let service = Service::start(&data, &[]);
+    service.call("GET /readyz", b"");
+    assert!(service.log().contains("it may have lost its last changes"), "{}", service.log());
+    assert!(data.join("results").join(job.rsplit('/').next().unwrap()).is_dir());
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::help::{dicom_bytes, nifti_bytes};
+use crate::help::{dicom_bytes, nifti_bytes, text_bytes};
 
 #[path = "../../fuzz/bodies/mask.rs"]
 mod mask;
@@ -29,7 +29,7 @@ fn replay(target: &str, check: impl Fn(&[u8])) {
 
 #[test]
 fn every_fuzzed_input_is_answered_by_the_reader() {
-    for target in ["nifti", "dicom"] {
+    for target in ["nifti", "dicom", "nrrd", "metaimage"] {
         replay(target, |bytes| {
             mask::check(bytes);
             mask::check_in_gzip(bytes);

@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use medialrep::cancel::Cancel;
-use medialrep::isolation::budget::CpuLimits;
 use medialrep::isolation::{Isolation, IsolationLimits};
+use medialrep::jobs::limits::CpuLimits;
 use medialrep::jobs::process::{InputLimits, Kept, ProcessError, process};
 use medialrep::jobs::processed::Processed;
 use medialrep::model::Stage;

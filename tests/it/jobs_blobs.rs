@@ -1,5 +1,7 @@
 //! What the files of jobs promise, whatever object store is behind them.
 
+use std::ffi::OsStr;
+use std::os::unix::ffi::OsStrExt;
 use std::sync::Arc;
 
 use futures_util::TryStreamExt;
@@ -92,10 +94,40 @@ async fn what_no_job_keeps_is_swept() {
         let (gone, _) = store_one(&blobs, "a", b"a").await;
         let keeps = vec![KeptFiles { id: kept, mask: false, tokens: vec!["t".to_owned()] }];
         let unnamed = without_kept(blobs.stored().await.unwrap(), keeps);
-        assert_eq!(blobs.remove(&unnamed).await.unwrap(), 1, "{what}");
+        assert_eq!(blobs.remove(&unnamed).await, 1, "{what}");
         assert!(blobs.read_checked(kept, "t", &file).await.unwrap().is_some(), "{what}");
         assert!(blobs.read_checked(gone, "t", &file).await.is_err(), "{what}");
     }
+}
+
+#[tokio::test]
+async fn what_lies_among_the_files_and_is_none_is_swept_and_no_link_is_followed() {
+    let dir = TempDir::new().unwrap();
+    let (data, outside) = (dir.path().join("data"), dir.path().join("outside"));
+    std::fs::create_dir(&outside).unwrap();
+    std::fs::write(outside.join("file"), b"not ours").unwrap();
+    let blobs = Blobs::open(&data, "instance").unwrap();
+    let (kept, _) = store_one(&blobs, "a", b"a").await;
+    std::fs::create_dir_all(data.join("masks")).unwrap();
+    std::os::unix::fs::symlink(&outside, data.join("results/link")).unwrap();
+    std::fs::write(data.join("results").join(OsStr::from_bytes(b"no\xFFname")), b"").unwrap();
+    std::fs::write(data.join("masks/half#1"), b"").unwrap();
+    let keeps = vec![KeptFiles { id: kept, mask: false, tokens: vec!["t".to_owned()] }];
+    let unnamed = without_kept(blobs.stored().await.unwrap(), keeps);
+    assert_eq!((unnamed.len(), blobs.remove(&unnamed).await), (3, 3));
+    assert_eq!(std::fs::read(outside.join("file")).unwrap(), b"not ours");
+    assert!(!data.join("results/link").exists() && data.join("results").join(kept.to_string()).exists());
+}
+
+#[test]
+fn what_lies_among_the_scratch_folders_is_swept_with_them() {
+    let dir = TempDir::new().unwrap();
+    let blobs = Blobs::open(dir.path(), "instance").unwrap();
+    std::fs::create_dir(dir.path().join("scratch/other")).unwrap();
+    std::fs::write(dir.path().join("scratch/file"), b"").unwrap();
+    blobs.sweep_scratch_of_others().unwrap();
+    let left = std::fs::read_dir(dir.path().join("scratch")).unwrap().map(|entry| entry.unwrap().file_name());
+    assert_eq!(left.collect::<Vec<_>>(), ["instance"]);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 4)]

@@ -21,6 +21,12 @@ mod formats_dicom_refused;
 
 mod formats_dicom_hostile;
 
+mod formats_nrrd;
+
+mod formats_metaimage;
+
+mod formats_text_refused;
+
 mod formats_real_files;
 
 mod fuzz_corpus;
@@ -96,6 +102,7 @@ mod isolation;
 mod soak;
 
 mod soak_hostile;
+mod soak_pair;
 
 mod api_submit;
 

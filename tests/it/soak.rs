@@ -22,7 +22,7 @@ pub fn is_long() -> bool {
 }
 
 /// The short form's number or the long one's.
-fn count(short: usize, long: usize) -> usize {
+pub fn count(short: usize, long: usize) -> usize {
     if is_long() { long } else { short }
 }
 
@@ -34,10 +34,10 @@ pub fn tell(what: &str) {
 }
 
 /// Numbers that look random and are the same in every run.
-struct Dice(u64);
+pub struct Dice(pub u64);
 
 impl Dice {
-    fn below(&mut self, end: u64) -> u64 {
+    pub fn below(&mut self, end: u64) -> u64 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 33) % end
     }

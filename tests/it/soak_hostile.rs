@@ -309,6 +309,31 @@ fn a_full_disk_is_told_at_every_write_and_harms_nothing() {
 }
 
 #[test]
+fn a_job_can_be_deleted_when_nothing_of_the_disk_is_left() {
+    let dir = TempDir::new().unwrap();
+    let Some(disk) = SmallDisk::mount(&dir.path().join("disk")) else {
+        return left_out("a small file system cannot be mounted here");
+    };
+    let mask = sample_of(dir.path(), &["slab", "--spacing", "2"]);
+    let data = disk.0.join("data");
+    let service = Service::start(&data, &[]);
+    let jobs = [service.submit(&mask), service.submit(&mask)];
+    for job in &jobs {
+        service.ended(job);
+    }
+    let deadline = Instant::now() + Duration::from_secs(15);
+    while !data.join("reserve").exists() {
+        assert!(Instant::now() < deadline, "no room is kept back");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    disk.fill(0);
+    for job in &jobs {
+        let (head, body) = service.call(&format!("DELETE {job}"), b"");
+        assert!(head.starts_with("HTTP/1.1 204"), "{head} {body}");
+    }
+}
+
+#[test]
 fn uploads_whose_length_is_not_told_stop_at_the_watermark() {
     let dir = TempDir::new().unwrap();
     let Some(disk) = SmallDisk::mount(&dir.path().join("disk")) else {

@@ -4,6 +4,7 @@
 use std::borrow::Cow;
 
 use super::dicom::DicomError;
+use super::lines::LineFault;
 use crate::cancel::Cancelled;
 use crate::space::LabelVolumeError;
 
@@ -106,6 +107,28 @@ pub enum ReadError {
         /// What is wrong with it.
         reason: String,
     },
+    /// A line of a header of text that is not as it should be.
+    #[error("header line {line}{}: {fault}", in_brackets(.field))]
+    HeaderLine {
+        /// From 1.
+        line: u64,
+        /// The field, empty where it is none that is known.
+        field: &'static str,
+        /// What is wrong.
+        fault: LineFault,
+    },
+    /// A header of text without a line that is needed.
+    #[error("the header has no line {field:?}")]
+    NoHeaderLine {
+        /// The field.
+        field: &'static str,
+    },
+    /// Voxels as text, and one that is no number of their type.
+    #[error("what is written before byte {byte} is no number of the type that the header says")]
+    BadNumber {
+        /// Offset of its end, decompressed.
+        byte: u64,
+    },
     /// An intensity or probability image.
     #[error("voxel {voxel:?} has the value {value:?}: labels are whole numbers")]
     NotALabelMap {
@@ -154,6 +177,10 @@ pub struct Look {
     pub advice: Option<&'static str>,
 }
 
+fn in_brackets(field: &str) -> String {
+    if field.is_empty() { String::new() } else { format!(" ({field})") }
+}
+
 fn looking(like: Look) -> String {
     format!(": it looks like {}", like.name)
 }
@@ -177,6 +204,9 @@ impl ReadError {
             Self::UnsupportedDatatype { .. } => "unsupported_datatype",
             Self::BadHeaderField { .. } => "bad_header_field",
             Self::BadAffine { .. } => "bad_affine",
+            Self::HeaderLine { fault, .. } => fault.code(),
+            Self::NoHeaderLine { .. } => "missing_header_line",
+            Self::BadNumber { .. } => "bad_number",
             Self::NotALabelMap { .. } => "not_a_label_map",
             Self::WrongByteOrder { .. } => "wrong_byte_order",
             Self::TooManyLabels { .. } => "too_many_labels",
@@ -191,12 +221,15 @@ impl ReadError {
     #[must_use]
     pub fn status(&self) -> u16 {
         match self {
+            Self::HeaderLine { fault, .. } => fault.status(),
             Self::UnknownFormat { .. } | Self::TwoFileNifti => 415,
             Self::Truncated { .. }
             | Self::CorruptGzip { .. }
             | Self::BadChecksum
             | Self::TrailingData { .. }
             | Self::WrongByteOrder { .. }
+            | Self::NoHeaderLine { .. }
+            | Self::BadNumber { .. }
             | Self::BadDimensions { .. }
             | Self::BadHeaderField { .. } => 400,
             Self::DecompressedTooLarge { .. } | Self::TooManyVoxels { .. } => 413,
@@ -210,7 +243,7 @@ impl ReadError {
         }
     }
 
-    /// A header field, a path of tags or a byte offset (decompressed).
+    /// A header field, a line of the header, a path of tags or a byte offset (decompressed).
     #[must_use]
     pub fn location(&self) -> String {
         match self {
@@ -225,6 +258,9 @@ impl ReadError {
             Self::TooManyVoxels { .. } => "header.dim".to_owned(),
             Self::UnsupportedDatatype { .. } => "header.datatype".to_owned(),
             Self::BadHeaderField { field, .. } | Self::BadAffine { field, .. } => format!("header.{field}"),
+            Self::HeaderLine { line, field, .. } => format!("header line {line}{}", in_brackets(field)),
+            Self::NoHeaderLine { .. } => "the header".to_owned(),
+            Self::BadNumber { byte } => format!("byte {byte}"),
             Self::NotALabelMap { voxel, .. } | Self::WrongByteOrder { voxel, .. } => format!("voxel {voxel:?}"),
             Self::Dicom(error) => error.location(),
             Self::TooManyLabels { .. } | Self::Io(_) | Self::Cancelled(_) => "the voxels".to_owned(),
@@ -248,7 +284,9 @@ impl ReadError {
             Self::DecompressedTooLarge { .. } | Self::TooManyVoxels { .. } => {
                 "crop the volume to the structures of interest, or resample it"
             }
-            Self::BadDimensions { .. } | Self::BadHeaderField { .. } => {
+            Self::HeaderLine { fault, .. } => fault.hint(),
+            Self::BadNumber { .. } => "export the mask again, with the encoding raw or gzip",
+            Self::BadDimensions { .. } | Self::BadHeaderField { .. } | Self::NoHeaderLine { .. } => {
                 "export the mask again, or repair its header with the tool that wrote it"
             }
             Self::SeveralVolumes { .. } => "send one volume: split the series and send the one with the mask",

@@ -9,10 +9,28 @@ pub(super) mod sniff;
 
 pub(super) mod stream;
 
+mod stored;
+
+mod voxels;
+
+mod layers;
+
+mod lines;
+
+mod text;
+
+mod body;
+
+mod place;
+
 pub(super) mod nifti;
 
 pub(super) mod dicom;
+pub(super) mod nrrd;
+
+pub(super) mod metaimage;
 
 pub use answers::{HeaderFacts, InputLimits};
 pub use dicom::{DicomError, DicomFault};
 pub use error::ReadError;
+pub use lines::LineFault;

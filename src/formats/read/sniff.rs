@@ -14,9 +14,6 @@ const DOWNLOAD: Option<&str> = Some("download the file itself: what came is the 
 
 /// What files begin with, the more telling first.
 const BEGINNINGS: &[(&[u8], &str, Option<&str>)] = &[
-    (b"NRRD", "NRRD", CONVERT),
-    (b"ObjectType", "MetaImage", CONVERT),
-    (b"NDims", "MetaImage", CONVERT),
     (b"\x89HDF", "HDF5, as MINC 2 and MATLAB write it", CONVERT),
     (b"CDF\x01", "NetCDF, as MINC 1 writes it", CONVERT),
     (b"#INRIMAGE", "INRIMAGE", CONVERT),
@@ -145,7 +142,7 @@ mod tests {
         let xml = "<?xml version=\"1.0\"?>\n";
         for (bytes, part) in [
             (at(257, b"ustar"), "tar"),
-            (b"NRRD0004".to_vec(), "NRRD"),
+            (b"# vtk DataFile Version 3.0\n".to_vec(), "VTK"),
             (mgh, "FreeSurfer volume"),
             (b"version https://git-lfs.github.com/spec/v1\noid sha256:0123".to_vec(), "Git LFS"),
             (b"\xef\xbb\xbf\n <!DOCTYPE HTML PUBLIC>".to_vec(), "web page"),

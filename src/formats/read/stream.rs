@@ -2,12 +2,13 @@
 
 use std::io::{BufRead, BufReader, Read};
 
-use flate2::bufread::GzDecoder;
+use flate2::bufread::{GzDecoder, ZlibDecoder};
 use sha2::{Digest, Sha256};
 
 use super::error::ReadError;
 use super::sniff::GZIP_MAGIC;
 use crate::cancel::Cancel;
+use crate::space::VolumeNotice;
 
 /// A source that hashes all that passes.
 struct Hashed<'a> {
@@ -25,12 +26,56 @@ impl Read for Hashed<'_> {
     }
 }
 
+/// Where the bytes of voxels come from.
+pub(super) trait Values {
+    /// Takes bytes into `buffer` as far as there are any; how many.
+    fn fill(&mut self, buffer: &mut [u8]) -> Result<usize, ReadError>;
+
+    /// Bytes that were taken so far.
+    fn position(&self) -> u64;
+
+    /// What is asked whether to go on reading.
+    fn cancel(&self) -> &dyn Cancel;
+}
+
+impl Values for Stream<'_> {
+    fn fill(&mut self, buffer: &mut [u8]) -> Result<usize, ReadError> {
+        Stream::fill(self, buffer)
+    }
+
+    fn position(&self) -> u64 {
+        Stream::position(self)
+    }
+
+    fn cancel(&self) -> &dyn Cancel {
+        self.cancel
+    }
+}
+
+/// The rest of a stream as a source of another one.
+struct Rest<'r, 'a>(&'r mut Stream<'a>);
+
+impl Read for Rest<'_, '_> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        self.0.fill(buffer).map_err(std::io::Error::other)
+    }
+}
+
+/// What failed below: a stream within a stream passes the fault of the outer one on.
+fn io_fault(error: std::io::Error) -> ReadError {
+    match error.downcast::<ReadError>() {
+        Ok(fault) => fault,
+        Err(error) => ReadError::Io(error),
+    }
+}
+
 type Source<'a> = BufReader<Hashed<'a>>;
 
 enum Inner<'a> {
     Plain(Source<'a>),
     Gzip(Box<GzDecoder<Source<'a>>>),
-    /// After the last gzip member: what there is does not belong to the content.
+    Zlib(Box<ZlibDecoder<Source<'a>>>),
+    /// After the last gzip member, or after zlib: what there is does not belong to the content.
     Ended(Source<'a>),
     /// Between two states, and for good after an error.
     Gone,
@@ -50,6 +95,12 @@ pub(in crate::formats) struct Stream<'a> {
     member_end: Option<u64>,
 }
 
+/// Bytes tolerated after the last voxel, in gzip and after it: some tools pad or append. More means that the header
+/// does not describe the file.
+const MAX_TAIL_BYTES: u64 = 1 << 20;
+/// Bytes looked at together for the end of a line: longer than most lines, and moved for each of them.
+const LINE_BYTES: usize = 2048;
+
 /// What was hashed.
 pub(in crate::formats) struct Digested {
     pub sha256: String,
@@ -61,9 +112,22 @@ impl<'a> Stream<'a> {
     pub fn open(source: impl Read + 'a, limit: u64, cancel: &'a dyn Cancel) -> Result<Self, ReadError> {
         let hashed = Hashed { source: Box::new(source), hash: Sha256::new(), bytes: 0 };
         let mut source = BufReader::with_capacity(1 << 16, hashed);
-        let compressed = source.fill_buf().map_err(ReadError::Io)?.starts_with(&GZIP_MAGIC);
+        let compressed = source.fill_buf().map_err(io_fault)?.starts_with(&GZIP_MAGIC);
         let inner = if compressed { Inner::Gzip(Box::new(GzDecoder::new(source))) } else { Inner::Plain(source) };
         Ok(Self { inner, cancel, compressed, head: Vec::new(), came: 0, limit, member_end: None })
+    }
+
+    /// What is packed in the rest of this one, as gzip or zlib: told by the magic of gzip, for zlib has none. No more
+    /// than `limit` bytes will come out.
+    pub fn unpacked(&mut self, limit: u64) -> Result<Stream<'_>, ReadError> {
+        let cancel = self.cancel;
+        let mut stream = Stream::open(Rest(self), limit, cancel)?;
+        stream.compressed = true;
+        stream.inner = match stream.inner {
+            Inner::Plain(source) => Inner::Zlib(Box::new(ZlibDecoder::new(source))),
+            inner => inner,
+        };
+        Ok(stream)
     }
 
     /// Whether it was gzip.
@@ -88,6 +152,22 @@ impl<'a> Stream<'a> {
         head.truncate(filled);
         self.head.splice(..0, head);
         Ok(&self.head)
+    }
+
+    /// Takes bytes to the next line feed, which is one of them, but no more than `most`, or all that there are.
+    pub fn line(&mut self, most: usize) -> Result<Vec<u8>, ReadError> {
+        let mut line = Vec::new();
+        loop {
+            if self.head.is_empty() {
+                self.peek(LINE_BYTES)?;
+            }
+            let end = self.head.iter().position(|byte| *byte == b'\n');
+            let count = end.map_or(self.head.len(), |end| end + 1).min(most - line.len());
+            line.extend(self.head.drain(..count));
+            if end.is_some() || count == 0 || line.len() == most {
+                return Ok(line);
+            }
+        }
     }
 
     /// Takes bytes into `buffer` as far as the content goes, unless it is told to stop.
@@ -130,6 +210,7 @@ impl<'a> Stream<'a> {
             let result = match &mut self.inner {
                 Inner::Plain(source) => source.read(buffer),
                 Inner::Gzip(decoder) => decoder.read(buffer),
+                Inner::Zlib(decoder) => decoder.read(buffer),
                 Inner::Ended(_) | Inner::Gone => return Ok(0),
             };
             let count = match result {
@@ -147,22 +228,33 @@ impl<'a> Stream<'a> {
     fn next_member(&mut self) -> Result<bool, ReadError> {
         let mut source = match std::mem::replace(&mut self.inner, Inner::Gone) {
             Inner::Gzip(decoder) => decoder.into_inner(),
+            Inner::Zlib(decoder) => return Ok(self.end_of_zlib(decoder.into_inner())),
             other => {
                 self.inner = other;
                 return Ok(false);
             }
         };
-        let follows = first_after_zeros(&mut source).map_err(ReadError::Io)? == Some(GZIP_MAGIC[0]);
+        let follows = first_after_zeros(&mut source).map_err(io_fault)? == Some(GZIP_MAGIC[0]);
         self.member_end = Some(source.get_ref().bytes - source.buffer().len() as u64);
         self.inner = if follows { Inner::Gzip(Box::new(GzDecoder::new(source))) } else { Inner::Ended(source) };
         Ok(follows)
     }
 
+    /// Nothing follows zlib that belongs to it.
+    fn end_of_zlib(&mut self, source: Source<'a>) -> bool {
+        self.member_end = Some(source.get_ref().bytes - source.buffer().len() as u64);
+        self.inner = Inner::Ended(source);
+        false
+    }
+
     /// What follows a whole member and has not the header of another is none: a line feed that a form added, a
     /// signature. It ends the content; whether that is complete, the reader of the format knows.
     fn end_if_no_member(&mut self, error: std::io::Error) -> Result<usize, ReadError> {
+        use std::io::ErrorKind::Other;
         match std::mem::replace(&mut self.inner, Inner::Gone) {
-            Inner::Gzip(decoder) if self.member_end.is_some() && decoder.header().is_none() => {
+            Inner::Gzip(decoder)
+                if self.member_end.is_some() && decoder.header().is_none() && error.kind() != Other =>
+            {
                 self.inner = Inner::Ended(decoder.into_inner());
                 Ok(0)
             }
@@ -179,7 +271,7 @@ impl<'a> Stream<'a> {
             && let Inner::Ended(source) = &mut self.inner
         {
             self.cancel.check()?;
-            let count = source.fill_buf().map_err(ReadError::Io)?.len();
+            let count = source.fill_buf().map_err(io_fault)?.len();
             source.consume(count);
             if count == 0 {
                 break;
@@ -196,6 +288,12 @@ impl<'a> Stream<'a> {
         }
     }
 
+    /// What is to be told of bytes after the last gzip member.
+    pub fn foreign_notice(&self) -> Option<VolumeNotice> {
+        let message = format!("{} bytes after the end of the gzip stream were left unread", self.foreign());
+        (self.foreign() > 0).then_some(VolumeNotice { code: "bytes_after_gzip", message })
+    }
+
     /// flate2 tells damage by the kind of the error, a wrong checksum by its words alone.
     fn fault(&self, error: std::io::Error) -> ReadError {
         use std::io::ErrorKind::{InvalidData, InvalidInput, UnexpectedEof};
@@ -208,8 +306,20 @@ impl<'a> Stream<'a> {
                     ReadError::CorruptGzip { after: self.came }
                 }
             }
-            _ => ReadError::Io(error),
+            _ => io_fault(error),
         }
+    }
+
+    /// Reads to the end: only then has gzip compared its checksum, and is the hash that of the whole file.
+    ///
+    /// # Errors
+    /// When more follows than is tolerated after the last voxel.
+    pub fn drain(&mut self) -> Result<(), ReadError> {
+        let expected = self.position();
+        if self.skip(MAX_TAIL_BYTES + 1)? + self.drop_foreign(MAX_TAIL_BYTES + 1)? > MAX_TAIL_BYTES {
+            return Err(ReadError::TrailingData { expected, allowed: MAX_TAIL_BYTES });
+        }
+        Ok(())
     }
 
     /// The hash of the file as sent; call it after the content has been read to its end.
@@ -217,6 +327,7 @@ impl<'a> Stream<'a> {
         let hashed = match self.inner {
             Inner::Plain(source) | Inner::Ended(source) => source.into_inner(),
             Inner::Gzip(decoder) => decoder.into_inner().into_inner(),
+            Inner::Zlib(decoder) => decoder.into_inner().into_inner(),
             Inner::Gone => return Digested { sha256: String::new(), bytes: 0 },
         };
         Digested { sha256: hex(&hashed.hash.finalize()), bytes: hashed.bytes }

@@ -11,6 +11,7 @@
 //! writes as plain files.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -41,6 +42,9 @@ use crate::jobs::make_private;
 const SCRATCH: &str = "scratch";
 const MASKS: &str = "masks";
 const RESULTS: &str = "results";
+const RESERVE: &str = "reserve";
+/// Room that is kept back: the log of the database grows by a tenth of a MiB for a job that is deleted.
+const RESERVE_BYTES: u64 = 4 << 20;
 /// Files up to this size are read once: checked or stored, then sent, from memory.
 const IN_MEMORY_BYTES: u64 = 8 << 20;
 /// Memory of all answers together that are sent from memory, KiB: readers may be slow. Others are read twice.
@@ -176,6 +180,13 @@ impl Blobs {
     /// When one cannot be stored.
     pub async fn keep_results(&self, id: JobId, token: &str, names: &[&str]) -> io::Result<()> {
         let folder = self.scratch.join(token);
+        if self.is_local {
+            let files: Vec<PathBuf> = names.iter().map(|name| folder.join(name)).collect();
+            let (folder, kept) = (folder.clone(), self.root.join(RESULTS).join(id.to_string()).join(token));
+            if on_own_thread(move || move_folder(&folder, &files, &kept)).await? {
+                return Ok(());
+            }
+        }
         self.put(names.iter().map(|name| (folder.join(name), result_key(id, token, name))).collect()).await
     }
 
@@ -316,11 +327,15 @@ impl Blobs {
         self.erase_results(id).await
     }
 
-    /// All keys: of objects, and of what the object store left half-written, a draft beside its key, which it never lists.
+    /// All keys: of objects, and of what else lies between them.
     ///
     /// # Errors
     /// When they cannot be listed.
     pub async fn stored(&self) -> io::Result<Vec<StoredKey>> {
+        if self.is_local {
+            let root = self.root.clone();
+            return on_own_thread(move || walk(&root)).await;
+        }
         let mut found = Vec::new();
         for folder in [MASKS, RESULTS] {
             let mut objects = self.store.list(Some(&Key::from(folder)));
@@ -328,34 +343,39 @@ impl Blobs {
                 found.push(StoredKey(Stored::Object(object.location)));
             }
         }
-        let root = self.root.clone();
-        found.extend(on_own_thread(move || drafts(&root)).await?);
         Ok(found)
     }
 
-    /// Removes what is stored under these keys, and says how many they were.
-    ///
-    /// # Errors
-    /// When one cannot be removed.
-    pub async fn remove(&self, keys: &[StoredKey]) -> io::Result<usize> {
+    /// Removes what is stored under these keys, and says how many it removed. One that cannot be removed is logged.
+    pub async fn remove(&self, keys: &[StoredKey]) -> usize {
+        let mut removed = 0;
         for key in keys {
-            match &key.0 {
-                Stored::Object(key) => gone(self.store.delete(key).await.map_err(io_error))?,
-                Stored::Draft(path) => gone(tokio::fs::remove_file(path).await)?,
+            let done = match &key.0 {
+                Stored::Object(key) => self.store.delete(key).await.map_err(io_error),
+                Stored::Other(path) => tokio::fs::remove_file(path).await,
+            };
+            match gone(done) {
+                Ok(()) => removed += 1,
+                Err(error) => tracing::error!(path = %key, %error, "a file that no job names cannot be removed"),
             }
         }
-        Ok(keys.len())
+        removed
     }
 
-    /// Removes the scratch files of all other processes. Blocks.
+    /// Removes the scratch files of all other processes. One that cannot be removed is logged. Blocks.
     ///
     /// # Errors
-    /// When they cannot be removed.
+    /// When their folder cannot be read.
     pub fn sweep_scratch_of_others(&self) -> io::Result<()> {
         for entry in fs::read_dir(self.root.join(SCRATCH))? {
-            let folder = entry?.path();
-            if folder != self.scratch {
-                gone(fs::remove_dir_all(folder))?;
+            let entry = entry?;
+            let path = entry.path();
+            if path == self.scratch {
+                continue;
+            }
+            let removed = if entry.file_type()?.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
+            if let Err(error) = gone(removed) {
+                tracing::error!(path = %path.display(), %error, "scratch files cannot be removed");
             }
         }
         Ok(())
@@ -404,6 +424,30 @@ impl Blobs {
     /// When the file system does not say.
     pub fn room(&self) -> io::Result<Room> {
         room(&self.root)
+    }
+
+    /// Keeps some room of the disk back, where there is enough: a file that [`Self::give_up_reserve`] removes. Blocks.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn keep_reserve(&self, min_free_bytes: u64) -> io::Result<()> {
+        let path = self.root.join(RESERVE);
+        if path.exists() || !self.room()?.has(min_free_bytes.saturating_add(2 * RESERVE_BYTES)) {
+            return Ok(());
+        }
+        let file = NamedTempFile::new_in(&self.root)?;
+        // Written, not only asked for: some file systems promise the same room to others.
+        let zeros = vec![0; usize::try_from(RESERVE_BYTES).map_err(io::Error::other)?];
+        io::Write::write_all(&mut file.as_file(), &zeros)?;
+        file.as_file().sync_all()?;
+        file.persist(path).map_err(|error| error.error)?;
+        Ok(())
+    }
+
+    /// Gives the room back for what must work on a full disk; `false` when that was done before. Blocks.
+    #[must_use]
+    pub fn give_up_reserve(&self) -> bool {
+        fs::remove_file(self.root.join(RESERVE)).is_ok()
     }
 
     /// Keeps local files under these keys; on return they survive the loss of power.
@@ -472,6 +516,13 @@ pub fn without_kept(found: Vec<StoredKey>, kept: Vec<KeptFiles>) -> Vec<StoredKe
     found.into_iter().filter(|key| !key.is_kept(&kept)).collect()
 }
 
+/// Jobs that a log has and the database has not, of which there are files. What they lost are changes of the database.
+#[must_use]
+pub fn lost_jobs(found: &[StoredKey], kept: &[KeptFiles], by_log: &BTreeSet<String>) -> BTreeSet<String> {
+    let rows: BTreeSet<String> = kept.iter().map(|files| files.id.to_string()).collect();
+    found.iter().filter_map(StoredKey::job).filter(|job| by_log.contains(job) && !rows.contains(job)).collect()
+}
+
 /// Where something is stored.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct StoredKey(Stored);
@@ -479,14 +530,32 @@ pub struct StoredKey(Stored);
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Stored {
     Object(Key),
-    Draft(PathBuf),
+    /// What is no object: half-written (named like a key, then `#` and a number), of a name that no key has, or a link, which
+    /// may lead anywhere.
+    Other(PathBuf),
+}
+
+impl fmt::Display for StoredKey {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.0 {
+            Stored::Object(key) => key.fmt(f),
+            Stored::Other(path) => path.display().fmt(f),
+        }
+    }
 }
 
 impl StoredKey {
-    /// That of a draft.
+    /// That of something else than an object.
     #[cfg(test)]
-    pub(crate) fn draft(path: &str) -> Self {
-        Self(Stored::Draft(path.into()))
+    pub(crate) fn other(path: &str) -> Self {
+        Self(Stored::Other(path.into()))
+    }
+
+    /// The job that it is of, by its name.
+    #[must_use]
+    pub fn job(&self) -> Option<String> {
+        let Stored::Object(key) = &self.0 else { return None };
+        key.parts().nth(1).map(|part| part.as_ref().to_owned())
     }
 
     fn is_kept(&self, kept: &BTreeMap<String, KeptFiles>) -> bool {
@@ -533,6 +602,27 @@ impl Room {
     }
 }
 
+/// Makes a folder of these files, and of no others, the folder `kept`, and syncs all of it; `false`, and nothing is
+/// changed, where they have to be linked one by one. Blocks.
+fn move_folder(folder: &Path, files: &[PathBuf], kept: &Path) -> io::Result<bool> {
+    let Some(above) = kept.parent() else { return Ok(false) };
+    if fs::read_dir(folder)?.count() != files.len() {
+        return Ok(false);
+    }
+    for file in files {
+        fs::File::open(file)?.sync_all()?;
+    }
+    fs::File::open(folder)?.sync_all()?;
+    // It is there from a try before this one, or the folder that it goes into was removed while it was empty.
+    if make_private(above).and_then(|()| fs::rename(folder, kept)).is_err() {
+        return Ok(false);
+    }
+    for changed in [Some(above), above.parent()].into_iter().flatten() {
+        fs::File::open(changed)?.sync_all()?;
+    }
+    Ok(true)
+}
+
 /// Gives files their kept names, by a link, and syncs them and the folders that they are named in. Blocks.
 fn link_all(root: &Path, files: &[(PathBuf, Key)]) -> io::Result<()> {
     let mut folders = BTreeSet::new();
@@ -577,34 +667,41 @@ fn result_key(id: JobId, token: &str, name: &str) -> Key {
     Key::from_iter([RESULTS, &id.to_string(), token, name])
 }
 
-/// All drafts in a data directory: they are named like their key, then `#` and a number.
-fn drafts(root: &Path) -> io::Result<Vec<StoredKey>> {
+/// All that lies among the files of jobs. No link is followed.
+fn walk(root: &Path) -> io::Result<Vec<StoredKey>> {
     let mut found = Vec::new();
     for folder in [MASKS, RESULTS] {
-        find_drafts(&root.join(folder), &mut found)?;
+        walk_folder(root, &root.join(folder), &mut found)?;
     }
     Ok(found)
 }
 
 /// Folders that are empty go.
-fn find_drafts(folder: &Path, found: &mut Vec<StoredKey>) -> io::Result<()> {
+fn walk_folder(root: &Path, folder: &Path, found: &mut Vec<StoredKey>) -> io::Result<()> {
     let entries = match fs::read_dir(folder) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
         entries => entries?,
     };
     for entry in entries {
         let entry = entry?;
-        let name = entry.file_name();
-        let number = name.to_str().and_then(|name| name.rsplit_once('#')).map(|(_, number)| number);
-        if entry.file_type()?.is_dir() {
-            find_drafts(&entry.path(), found)?;
+        let (path, kind) = (entry.path(), entry.file_type()?);
+        if kind.is_dir() {
+            walk_folder(root, &path, found)?;
             // Goes when it is empty. Whoever is about to write into it makes it anew.
-            let _ = fs::remove_dir(entry.path());
-        } else if number.is_some_and(|n| n.bytes().all(|b| b.is_ascii_digit())) {
-            found.push(StoredKey(Stored::Draft(entry.path())));
+            let _ = fs::remove_dir(path);
+            continue;
         }
+        let key = if kind.is_file() { key_of(root, &path) } else { None };
+        found.push(StoredKey(key.map_or(Stored::Other(path), Stored::Object)));
     }
     Ok(())
+}
+
+/// The key of a file, where its name can be one: drafts have another.
+fn key_of(root: &Path, path: &Path) -> Option<Key> {
+    let within = path.strip_prefix(root).ok()?.to_str()?;
+    let key = Key::parse(within).ok()?;
+    (!within.contains('#') && key.as_ref() == within).then_some(key)
 }
 
 /// With the kind of the system's error below, where there is one: whether the disk is full matters.

@@ -100,7 +100,22 @@ impl Peers {
     pub fn alone(&self) -> io::Result<Option<Alone>> {
         let door = File::create(self.folder.join(DOOR))?;
         door.lock()?;
-        Ok((!self.has_company()?).then_some(Alone { _door: door }))
+        if self.has_company()? {
+            return Ok(None);
+        }
+        self.clear_drafts();
+        Ok(Some(Alone { _door: door }))
+    }
+
+    /// Removes the files of processes that were gone before these had their names. Others begin behind the door.
+    fn clear_drafts(&self) {
+        let Ok(entries) = fs::read_dir(&self.folder) else { return };
+        for entry in entries.flatten() {
+            let name = entry.file_name();
+            if name != DOOR && name.as_encoded_bytes().starts_with(b".") {
+                let _ = fs::remove_file(entry.path());
+            }
+        }
     }
 
     /// Whether another process uses the data directory.

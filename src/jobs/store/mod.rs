@@ -85,8 +85,14 @@ pub enum StoreError {
         /// The last one that is.
         known: i64,
     },
+    /// It is gone, or empty.
+    #[error(
+        "there is no database, or an empty one, beside masks, results or an audit log of one: put db/ back from a \
+         backup, or move what is left of it out of the data directory"
+    )]
+    Lost,
     /// It is damaged, or holds what this program never writes.
-    #[error("the database holds what it never can: {0}")]
+    #[error("the database is damaged or another program's (a backup may be whole): {0}")]
     Corrupt(String),
     /// Anything else.
     #[error("database: {0}")]
@@ -483,6 +489,9 @@ pub trait RetentionStore: Send + Sync {
 
     /// Marks the mask of one job as erased.
     async fn forget_mask(&self, id: JobId) -> Result<(), StoreError>;
+
+    /// Says that the results of a job are erased.
+    async fn forget_results(&self, id: JobId) -> Result<(), StoreError>;
 
     /// Marks results of jobs that ended before this time as erased; at most `limit`.
     async fn expire_results(&self, ended_before: Timestamp, limit: u32) -> Result<Vec<JobId>, StoreError>;

@@ -72,13 +72,21 @@ impl Service {
 
     /// Status line with headers, and body; nothing when the service is gone.
     pub fn try_call(&self, head: &str, body: &[u8]) -> Option<(String, String)> {
+        self.try_call_with(head, "Cache-Control: no-cache\r\n", body)
+    }
+
+    /// The same, where results of an earlier job will do.
+    pub fn try_call_cached(&self, head: &str, body: &[u8]) -> Option<(String, String)> {
+        self.try_call_with(head, "", body)
+    }
+
+    fn try_call_with(&self, head: &str, fields: &str, body: &[u8]) -> Option<(String, String)> {
         let mut stream = TcpStream::connect_timeout(&self.address, Duration::from_secs(5)).ok()?;
         stream.set_read_timeout(Some(Duration::from_secs(60))).ok()?;
         let (length, address) = (body.len(), self.address);
         let token = self.token.as_ref().map(|token| format!("Authorization: Bearer {token}\r\n")).unwrap_or_default();
         let head = format!(
-            "{head} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n{token}Content-Length: {length}\r\n\
-             Cache-Control: no-cache\r\n\r\n"
+            "{head} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n{token}{fields}Content-Length: {length}\r\n\r\n"
         );
         stream.write_all(head.as_bytes()).ok()?;
         // A refusal may come before all is sent.

@@ -98,7 +98,7 @@ function Start() {
       <p>
         {jobs.value.length > 0
           ? "Choose a job from the list, or send a mask."
-          : "Drop a NIfTI or DICOM SEG file on this page, or send one of the samples."}
+          : "Drop a NIfTI, DICOM SEG, NRRD or MetaImage file on this page, or send one of the samples."}
       </p>
       <p class="hint">Not a medical device. Nothing you send leaves the server this page came from.</p>
     </div>

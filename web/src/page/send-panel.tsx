@@ -89,7 +89,7 @@ function DropZone({ isOff }: { isOff: boolean }) {
         multiple
         tabIndex={-1}
         aria-label="Mask files"
-        accept=".nii,.gz,.dcm,application/gzip,application/dicom"
+        accept=".nii,.gz,.dcm,.nrrd,.mha,application/gzip,application/dicom"
         disabled={isOff}
         onChange={(event) => {
           void sendFiles([...(event.currentTarget.files ?? [])]);

@@ -5,11 +5,9 @@ use nalgebra::{Quaternion, UnitQuaternion};
 use super::header::RawHeader;
 use super::orientations::difference;
 use crate::formats::read::error::ReadError;
+use crate::formats::read::place::{self, SPACING_MM, bad_spacing, no_orientation};
 use crate::space::{VolumeNotice, WorldFromVoxel, significant};
 
-/// Voxel edges that make sense for anatomy, mm: finer than any micro-CT, coarser than any scan.
-/// Outside them the unit is wrong.
-const SPACING_MM: std::ops::RangeInclusive<f64> = 1e-4..=1e3;
 /// How far b² + c² + d² of the quaternion may exceed 1 by rounding.
 const QUATERNION_EXCESS: f64 = 1e-3;
 /// sform and pixdim that differ by more than this share in a spacing are worth a notice.
@@ -47,12 +45,10 @@ pub(super) fn world_from_voxel(
     if raw.qform_code > 0 {
         return qform(raw, spacing_mm, unit_mm);
     }
-    notices.push(VolumeNotice {
-        code: "no_orientation",
-        message: "the header has neither sform nor qform: axes and sides of the patient are not known, \
-                  positions are voxel indices times pixdim"
-            .to_owned(),
-    });
+    notices.push(no_orientation(
+        "the header has neither sform nor qform: axes and sides of the patient are not known, \
+         positions are voxel indices times pixdim",
+    ));
     let rows = std::array::from_fn(|r| std::array::from_fn(|c| if r == c { spacing_mm[r] } else { 0.0 }));
     checked("pixdim", rows)
 }
@@ -76,12 +72,7 @@ fn scaled(rows: [[f64; 4]; 3], unit_mm: f64) -> [[f64; 4]; 3] {
 }
 
 fn checked(field: &'static str, rows: [[f64; 4]; 3]) -> Result<WorldFromVoxel, ReadError> {
-    let bad = |reason: String| ReadError::BadAffine { field, reason };
-    let map = WorldFromVoxel::from_rows(rows).map_err(|error| bad(error.to_string()))?;
-    match map.spacing_mm().iter().find(|s| !SPACING_MM.contains(s)) {
-        Some(spacing) => Err(bad(format!("a voxel edge is {} mm, allowed is 0.0001 to 1000", significant(*spacing)))),
-        None => Ok(map),
-    }
+    place::checked(rows).map_err(|reason| ReadError::BadAffine { field, reason })
 }
 
 /// Voxel edges from pixdim. Negative ones are met in old files and mean their length; an axis
@@ -96,8 +87,7 @@ fn pixel_spacing(raw: &RawHeader, dims: [usize; 3], unit_mm: f64) -> Result<[f64
         }
         spacing_mm[axis] = edge * unit_mm;
         if !SPACING_MM.contains(&spacing_mm[axis]) {
-            let reason = format!("a voxel edge is {} mm, allowed is 0.0001 to 1000", significant(spacing_mm[axis]));
-            return Err(ReadError::BadAffine { field: FIELDS[axis], reason });
+            return Err(ReadError::BadAffine { field: FIELDS[axis], reason: bad_spacing(spacing_mm[axis]) });
         }
     }
     Ok(spacing_mm)

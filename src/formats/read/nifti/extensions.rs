@@ -70,7 +70,7 @@ fn read_records(stream: &mut Stream<'_>, layout: &Layout) -> Result<Records, Rea
         }
         let mut head = [0; HEAD_BYTES];
         fill(stream, &mut head, layout)?;
-        let size = layout.order.int32([head[0], head[1], head[2], head[3]]);
+        let size = layout.stored.order.int32([head[0], head[1], head[2], head[3]]);
         let Some(content) = u64::try_from(size).ok().filter(|size| *size <= left).and_then(past_head) else {
             // Some tools fill up with zeros.
             let is_padding = head == [0; HEAD_BYTES] && rest_is_zero(stream, layout)?;
@@ -131,6 +131,6 @@ fn fill(stream: &mut Stream<'_>, buffer: &mut [u8], layout: &Layout) -> Result<(
 }
 
 fn truncated(stream: &Stream<'_>, layout: &Layout) -> ReadError {
-    let expected = layout.offset + (layout.voxels * layout.datatype.bytes()) as u64;
+    let expected = layout.offset + layout.stored.bytes();
     ReadError::Truncated { expected, got: stream.position() }
 }

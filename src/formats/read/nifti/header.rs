@@ -2,8 +2,9 @@
 
 use nifti::NiftiHeader;
 
-use super::kind::{ByteOrder, Kind, Version};
+use super::kind::{Kind, Version};
 use crate::formats::read::error::ReadError;
+use crate::formats::read::stored::ByteOrder;
 
 /// The fields of either version that matter here, not yet checked.
 #[derive(Clone, Debug, Default, PartialEq)]

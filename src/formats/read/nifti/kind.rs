@@ -2,6 +2,7 @@
 
 use crate::formats::read::answers::Sniffed;
 use crate::formats::read::error::ReadError;
+use crate::formats::read::stored::ByteOrder;
 
 /// A NIfTI header of either version, and its byte order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,22 +23,6 @@ impl Version {
         match self {
             Self::Nifti1 => 348,
             Self::Nifti2 => 540,
-        }
-    }
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum ByteOrder {
-    Little,
-    Big,
-}
-
-impl ByteOrder {
-    /// The number in four bytes.
-    pub fn int32(self, bytes: [u8; 4]) -> i32 {
-        match self {
-            Self::Little => i32::from_le_bytes(bytes),
-            Self::Big => i32::from_be_bytes(bytes),
         }
     }
 }

@@ -1,111 +1,60 @@
 //! Where the voxels are and what they are: the header checked field by field, but for the orientation.
 
 use super::header::{RawHeader, check_rank};
-use super::kind::{ByteOrder, Kind, Version};
+use super::kind::{Kind, Version};
 use crate::formats::read::error::ReadError;
+use crate::formats::read::stored::{Datatype, Layers, Scaling, Stored, voxels_of};
 
 /// Where voxels may start at the latest: extensions of real files hold kilobytes.
 const MAX_VOX_OFFSET: f64 = 16_777_216.0;
 
-/// How voxels are stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Datatype {
-    Uint8,
-    Int8,
-    Int16,
-    Uint16,
-    Int32,
-    Uint32,
-    Int64,
-    Uint64,
-    Float32,
-    Float64,
-}
-
-impl Datatype {
-    fn from_code(code: i32) -> Result<Self, ReadError> {
-        let name = match code {
-            2 => return Ok(Self::Uint8),
-            4 => return Ok(Self::Int16),
-            8 => return Ok(Self::Int32),
-            16 => return Ok(Self::Float32),
-            64 => return Ok(Self::Float64),
-            256 => return Ok(Self::Int8),
-            512 => return Ok(Self::Uint16),
-            768 => return Ok(Self::Uint32),
-            1024 => return Ok(Self::Int64),
-            1280 => return Ok(Self::Uint64),
-            1 => "one bit",
-            32 => "complex64",
-            128 => "RGB",
-            1536 => "float128",
-            1792 => "complex128",
-            2048 => "complex256",
-            2304 => "RGBA",
-            _ => "unknown",
-        };
-        Err(ReadError::UnsupportedDatatype { code, name })
-    }
-
-    /// Whether stored values are whole numbers.
-    pub fn is_whole(self) -> bool {
-        !matches!(self, Self::Float32 | Self::Float64)
-    }
-
-    /// Bytes of a voxel.
-    pub fn bytes(self) -> usize {
-        match self {
-            Self::Uint8 | Self::Int8 => 1,
-            Self::Int16 | Self::Uint16 => 2,
-            Self::Int32 | Self::Uint32 | Self::Float32 => 4,
-            Self::Int64 | Self::Uint64 | Self::Float64 => 8,
-        }
-    }
-}
-
-/// Stored values to labels: value = slope · stored + intercept.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Scaling {
-    pub slope: f64,
-    pub intercept: f64,
-}
-
 /// Where the voxels are and what they are, checked.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Layout {
-    pub dims: [usize; 3],
-    pub voxels: usize,
-    pub datatype: Datatype,
-    pub order: ByteOrder,
+    pub stored: Stored,
+    /// Bytes before the first voxel.
     pub offset: u64,
-    pub scaling: Option<Scaling>,
-}
-
-impl Scaling {
-    /// The value that a stored one stands for.
-    pub fn value(self, stored: f64) -> f64 {
-        stored * self.slope + self.intercept
-    }
 }
 
 impl Layout {
     /// Checks all fields but the orientation.
     pub fn check(raw: &RawHeader, kind: Kind, max_voxels: u64) -> Result<Self, ReadError> {
-        let datatype = Datatype::from_code(raw.datatype)?;
+        let datatype = datatype_of(raw.datatype)?;
         if usize::try_from(raw.bitpix) != Ok(8 * datatype.bytes()) {
             let allowed = "8 times the bytes of the datatype";
             return Err(ReadError::BadHeaderField { field: "bitpix", got: f64::from(raw.bitpix), allowed });
         }
         let dims = check_dims(raw, kind.version)?;
-        let product: u128 = dims.iter().map(|n| *n as u128).product();
-        let too_many = || ReadError::TooManyVoxels { voxels: product, allowed: max_voxels };
-        if product > u128::from(max_voxels) {
-            return Err(too_many());
-        }
-        let voxels = usize::try_from(product).map_err(|_| too_many())?;
+        let too_many = |voxels| ReadError::TooManyVoxels { voxels, allowed: max_voxels };
+        let voxels = voxels_of(dims, max_voxels).map_err(too_many)?;
         let offset = check_offset(raw.vox_offset, kind.version)?;
-        Ok(Self { dims, voxels, datatype, order: kind.order, offset, scaling: check_scaling(raw)? })
+        let (order, scaling, layers) = (kind.order, check_scaling(raw)?, Layers::ONE);
+        Ok(Self { stored: Stored { dims, voxels, datatype, order, scaling, layers }, offset })
     }
+}
+
+fn datatype_of(code: i32) -> Result<Datatype, ReadError> {
+    let name = match code {
+        2 => return Ok(Datatype::Uint8),
+        4 => return Ok(Datatype::Int16),
+        8 => return Ok(Datatype::Int32),
+        16 => return Ok(Datatype::Float32),
+        64 => return Ok(Datatype::Float64),
+        256 => return Ok(Datatype::Int8),
+        512 => return Ok(Datatype::Uint16),
+        768 => return Ok(Datatype::Uint32),
+        1024 => return Ok(Datatype::Int64),
+        1280 => return Ok(Datatype::Uint64),
+        1 => "one bit",
+        32 => "complex64",
+        128 => "RGB",
+        1536 => "float128",
+        1792 => "complex128",
+        2048 => "complex256",
+        2304 => "RGBA",
+        _ => "unknown",
+    };
+    Err(ReadError::UnsupportedDatatype { code, name })
 }
 
 /// The three lengths; a plane is a volume of one slice. Trailing dimensions of 0 or 1 are both

@@ -16,19 +16,16 @@ mod extensions;
 
 mod label_table;
 
-mod voxels;
-
 use self::affine::world_from_voxel;
 use self::extensions::read_extensions;
 use self::header::RawHeader;
 use self::kind::{Version, kind};
-use self::label_table::LabelTable;
 use self::layout::Layout;
-use self::voxels::read_voxels;
 use super::answers::{Found, HeaderFacts, InputLimits};
 use super::error::ReadError;
+use super::layers::{Segments, label_volume};
 use super::stream::Stream;
-use crate::space::{Grid, Label, LabelVolume};
+use super::voxels::read_voxels;
 
 pub(in crate::formats) use self::kind::{KIND_BYTES, sniff};
 
@@ -38,8 +35,8 @@ pub(in crate::formats) use self::kind::{KIND_BYTES, sniff};
 /// When it alone shows that [`read`] will fail.
 pub(in crate::formats) fn header(stream: &mut Stream<'_>, limits: InputLimits) -> Result<HeaderFacts, ReadError> {
     let (raw, layout, _) = read_header(stream, limits)?;
-    world_from_voxel(&raw, layout.dims, &mut Vec::new())?;
-    Ok(HeaderFacts { voxels: layout.voxels as u64, is_compressed: stream.is_compressed() })
+    world_from_voxel(&raw, layout.stored.dims, &mut Vec::new())?;
+    Ok(HeaderFacts { voxels: layout.stored.voxels as u64, is_compressed: stream.is_compressed() })
 }
 
 /// Reads a NIfTI-1 or NIfTI-2 file to its last voxel.
@@ -49,25 +46,13 @@ pub(in crate::formats) fn header(stream: &mut Stream<'_>, limits: InputLimits) -
 pub(in crate::formats) fn read(stream: &mut Stream<'_>, limits: InputLimits) -> Result<Found, ReadError> {
     let (raw, layout, version) = read_header(stream, limits)?;
     let mut notices = Vec::new();
-    let world_from_voxel = world_from_voxel(&raw, layout.dims, &mut notices)?;
+    let world_from_voxel = world_from_voxel(&raw, layout.stored.dims, &mut notices)?;
     let table = read_extensions(stream, &layout, &mut notices)?;
-    let mut voxels = read_voxels(stream, &layout)?;
-    voxels.tell(&mut notices);
-    describe(&mut voxels.labels, table);
-    let indices = Grid::from_vec(layout.dims, voxels.indices).expect("exactly that many voxels were read");
-    let volume = LabelVolume::new_while((indices, Vec::new()), voxels.labels, world_from_voxel, stream.cancel())?;
+    let voxels = read_voxels(stream, &layout.stored)?;
+    let segments = Segments::of_values(table.labels);
+    let volume = label_volume(voxels, &layout.stored, &segments, world_from_voxel, notices, stream.cancel())?;
     let format = format_name(version, stream.is_compressed());
-    Ok(Found { volume: volume.with_notices(notices), format })
-}
-
-/// Gives labels the name and colour that the table has for their value.
-fn describe(labels: &mut [Label], table: LabelTable) {
-    let mut table = table.labels;
-    for label in labels {
-        if let Some(told) = table.remove(&label.value) {
-            *label = told;
-        }
-    }
+    Ok(Found { volume, format })
 }
 
 fn read_header(stream: &mut Stream<'_>, limits: InputLimits) -> Result<(RawHeader, Layout, Version), ReadError> {

@@ -8,8 +8,11 @@ use crate::problem::is_full;
 /// Primary result codes. The extended ones hold them in their lowest byte.
 const SQLITE_BUSY: i32 = 5;
 const SQLITE_LOCKED: i32 = 6;
+const SQLITE_READONLY: i32 = 8;
+const SQLITE_IOERR: i32 = 10;
 const SQLITE_CORRUPT: i32 = 11;
 const SQLITE_FULL: i32 = 13;
+const SQLITE_CANTOPEN: i32 = 14;
 const SQLITE_NOTADB: i32 = 26;
 
 impl From<sqlx::Error> for StoreError {
@@ -29,7 +32,10 @@ impl From<sqlx::Error> for StoreError {
 fn of_code(code: Option<i32>, error: &sqlx::Error) -> StoreError {
     match code.map(|code| code & 0xff) {
         Some(SQLITE_FULL) => StoreError::Full,
-        Some(SQLITE_BUSY | SQLITE_LOCKED) => StoreError::Unavailable(error.to_string()),
+        // The disk may take writes again later.
+        Some(SQLITE_BUSY | SQLITE_LOCKED | SQLITE_READONLY | SQLITE_IOERR | SQLITE_CANTOPEN) => {
+            StoreError::Unavailable(error.to_string())
+        }
         Some(SQLITE_CORRUPT | SQLITE_NOTADB) => StoreError::Corrupt(error.to_string()),
         _ => StoreError::Other(error.to_string()),
     }

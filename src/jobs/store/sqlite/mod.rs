@@ -1,6 +1,7 @@
 //! The store in one SQLite file.
 //!
-//! WAL with `synchronous=FULL`: a commit is on disk when the call returns. One connection writes,
+//! WAL with `synchronous=FULL`: a commit is on disk when the call returns, but that of a claim, which is worth nothing
+//! once its worker is gone. One connection writes,
 //! so that writers queue in this process instead of failing with "database is locked"; writers of
 //! other processes are waited for. Reads have connections of their own. Every change is one
 //! statement or one transaction that begins by taking the write lock.
@@ -50,15 +51,22 @@ const WIPE_TIMEOUT: Duration = Duration::from_millis(200);
 #[derive(Clone, Debug)]
 pub struct SqliteStore {
     writer: SqlitePool,
+    /// Writes what a loss of power may undo, without waiting for the disk. Used only by who holds the connection of
+    /// `writer`.
+    hasty: SqlitePool,
     reader: SqlitePool,
 }
 
 impl SqliteStore {
-    /// Opens the file, making it when it is missing, and brings its tables up to date.
+    /// Opens the file, making it when it is missing and `may_be_new`, and brings its tables up to date.
     ///
     /// # Errors
-    /// When the file cannot be opened or is of a later version of this program.
-    pub async fn open(path: &Path) -> Result<Self, StoreError> {
+    /// When the file cannot be opened, has no tables though it must, or those of another program or of a later version of
+    /// this one.
+    pub async fn open(path: &Path, may_be_new: bool) -> Result<Self, StoreError> {
+        if !may_be_new && !path.exists() {
+            return Err(StoreError::Lost);
+        }
         let options = common_options(path)
             .create_if_missing(true)
             .journal_mode(SqliteJournalMode::Wal)
@@ -70,12 +78,21 @@ impl SqliteStore {
             // On a full disk SQLite takes back a transaction by itself; the connection goes on to think that it is in
             // one, and could begin none any more.
             .before_acquire(|connection, _| Box::pin(async move { Ok(!connection.is_in_transaction()) }))
+            .after_connect(|connection, _| Box::pin(is_writable(connection)))
             .connect_with(options.clone())
             .await?;
+        if step_of(&writer).await? == 0 && !may_be_new {
+            return Err(StoreError::Lost);
+        }
         let (steps, known) = (migrator(), last_step());
         steps.run(&writer).await.map_err(|error| error::of_migration(error, known))?;
-        let reader = SqlitePoolOptions::new().max_connections(READ_CONNECTIONS).connect_with(options).await?;
-        Ok(Self { writer, reader })
+        let reader = SqlitePoolOptions::new().max_connections(READ_CONNECTIONS).connect_with(options.clone()).await?;
+        let hasty = options.synchronous(SqliteSynchronous::Normal);
+        let hasty = SqlitePoolOptions::new()
+            .max_connections(1)
+            .after_connect(|connection, _| Box::pin(is_writable(connection)))
+            .connect_lazy_with(hasty);
+        Ok(Self { writer, hasty, reader })
     }
 
     /// Opens the file to be read, as it is: nothing of it changes, its tables neither.
@@ -85,12 +102,10 @@ impl SqliteStore {
     pub async fn open_to_read(path: &Path) -> Result<Self, StoreError> {
         let options = common_options(path).read_only(true);
         let reader = SqlitePoolOptions::new().max_connections(READ_CONNECTIONS).connect_with(options).await?;
-        let found: Option<i64> =
-            sqlx::query("SELECT MAX(version) FROM _sqlx_migrations").fetch_one(&reader).await?.try_get(0)?;
-        let (found, known) = (found.unwrap_or(0), last_step());
+        let (found, known) = (step_of(&reader).await?, last_step());
         match found.cmp(&known) {
             Ordering::Less => Err(StoreError::Older { found, known }),
-            Ordering::Equal => Ok(Self { writer: reader.clone(), reader }),
+            Ordering::Equal => Ok(Self { writer: reader.clone(), hasty: reader.clone(), reader }),
             Ordering::Greater => Err(StoreError::Newer { found, known }),
         }
     }
@@ -99,6 +114,12 @@ impl SqliteStore {
     /// longer asked, and a disk that is full then is no error that anybody sees.
     async fn change(&self, query: Query<'_, Sqlite, SqliteArguments>) -> Result<Option<SqliteRow>, StoreError> {
         Ok(query.fetch_all(&self.writer).await?.pop())
+    }
+
+    /// As [`change`](Self::change), for what a loss of power may undo: who did it has lost power too.
+    async fn change_hastily(&self, query: Query<'_, Sqlite, SqliteArguments>) -> Result<Option<SqliteRow>, StoreError> {
+        let _turn = self.writer.acquire().await?;
+        Ok(query.fetch_all(&self.hasty).await?.pop())
     }
 
     /// A transaction that holds the write lock from its first moment: one that takes it later may
@@ -111,6 +132,25 @@ impl SqliteStore {
 fn common_options(path: &Path) -> SqliteConnectOptions {
     // The file system may be read-only outside of the data directory.
     SqliteConnectOptions::new().filename(path).busy_timeout(BUSY_TIMEOUT).pragma("temp_store", "memory")
+}
+
+/// Fails where a connection can only read: SQLite opens a file so without a word when it cannot be written at that moment,
+/// and would stay so when it can be again.
+async fn is_writable(connection: &mut SqliteConnection) -> Result<(), sqlx::Error> {
+    connection.begin_with("BEGIN IMMEDIATE").await?.rollback().await
+}
+
+/// The last step of the tables that a file has; 0 before the first.
+async fn step_of(file: &SqlitePool) -> Result<i64, StoreError> {
+    let tables = sqlx::query("SELECT COUNT(*), SUM(name = '_sqlx_migrations') FROM sqlite_schema WHERE type = 'table'");
+    let tables = tables.fetch_one(file).await?;
+    let (all, ours): (i64, Option<i64>) = (tables.try_get(0)?, tables.try_get(1)?);
+    if ours.unwrap_or(0) == 0 {
+        return if all == 0 { Ok(0) } else { Err(StoreError::Corrupt("its tables are another program's".to_owned())) };
+    }
+    let last: Option<i64> =
+        sqlx::query("SELECT MAX(version) FROM _sqlx_migrations").fetch_one(file).await?.try_get(0)?;
+    Ok(last.unwrap_or(0))
 }
 
 /// The last step of the tables that this program knows.
@@ -212,6 +252,7 @@ impl Store for SqliteStore {
 
     async fn close(&self) {
         self.reader.close().await;
+        self.hasty.close().await;
         self.writer.close().await;
     }
 }

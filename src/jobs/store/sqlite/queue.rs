@@ -72,7 +72,7 @@ impl QueueStore for SqliteStore {
         .bind(&token)
         .bind(until.as_millisecond())
         .bind(instance);
-        let Some(row) = self.change(claimed).await? else { return Ok(None) };
+        let Some(row) = self.change_hastily(claimed).await? else { return Ok(None) };
         let job = rows::job(&row)?;
         Ok(Some(Claim { lease: Lease { id: job.id, token }, job }))
     }

@@ -22,6 +22,14 @@ impl RetentionStore for SqliteStore {
         Ok(())
     }
 
+    async fn forget_results(&self, id: JobId) -> Result<(), StoreError> {
+        sqlx::query("UPDATE jobs SET results_kept = 0 WHERE id = $1")
+            .bind(id.to_string())
+            .execute(&self.writer)
+            .await?;
+        Ok(())
+    }
+
     async fn expire_results(&self, ended_before: Timestamp, limit: u32) -> Result<Vec<JobId>, StoreError> {
         expire(&self.writer, statements::EXPIRE_RESULTS, ended_before, limit).await
     }

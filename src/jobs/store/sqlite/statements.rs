@@ -76,7 +76,7 @@ mod tests {
     #[tokio::test]
     async fn what_is_looked_for_is_found_by_an_index() {
         let folder = tempfile::tempdir().unwrap();
-        let store = SqliteStore::open(&folder.path().join("jobs.sqlite")).await.unwrap();
+        let store = SqliteStore::open(&folder.path().join("jobs.sqlite"), true).await.unwrap();
         let lists = [(false, false), (false, true), (true, false), (true, true)].map(|(l, s)| list(l, s));
         let fixed = [
             (FIRST, "jobs_by_turn"),

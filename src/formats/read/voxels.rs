@@ -2,16 +2,15 @@
 
 use std::collections::HashMap;
 
-use super::kind::ByteOrder;
-use super::layout::{Datatype, Layout, Scaling};
+use super::error::ReadError;
+use super::stored::{ByteOrder, Datatype, Layers, Scaling, Stored};
+use super::stream::Values;
 use crate::cancel::Cancel;
-use crate::formats::read::error::ReadError;
-use crate::formats::read::stream::Stream;
 use crate::space::{Label, VolumeNotice, ascending, significant};
 
 /// Bytes decoded at a time, a multiple of every datatype's size.
 const CHUNK_BYTES: usize = 1 << 18;
-/// Voxels for which room is reserved before any has come: a header may lie about the rest.
+/// Voxels for which room is reserved at first: a header may lie about the rest.
 const FIRST_RESERVATION: usize = 1 << 20;
 /// Voxels that are kept or left out together: a page of memory.
 const BLOCK: usize = 2048;
@@ -38,9 +37,9 @@ const MAX_EXACT: f64 = 9_007_199_254_740_992.0;
 /// A label map before it has a place in the world.
 #[derive(Debug)]
 pub(super) struct Voxels {
-    /// Index of a label per voxel, 0 for the background.
-    pub indices: Vec<u16>,
-    /// Ascending; every one has a voxel.
+    /// Index of a label per voxel, 0 for the background; of every layer. What is missing at the end is background.
+    pub layers: Vec<Vec<u16>>,
+    /// Ascending; every one has a voxel in a layer.
     pub labels: Vec<Label>,
     /// Voxels that were NaN and count as background.
     pub nan_voxels: u64,
@@ -75,24 +74,73 @@ impl Voxels {
     }
 }
 
-/// Reads exactly `layout.voxels` voxels.
-pub(super) fn read_voxels(stream: &mut Stream<'_>, layout: &Layout) -> Result<Voxels, ReadError> {
-    let size = layout.datatype.bytes();
-    let mut table = Table::new(layout);
-    let mut indices = Indices::new(layout.voxels);
+/// Reads exactly as many values as are said to be there.
+///
+/// # Errors
+/// When they end early, cannot be read, or are no labels.
+pub(super) fn read_voxels(source: &mut impl Values, stored: &Stored) -> Result<Voxels, ReadError> {
+    let size = stored.datatype.bytes();
+    let start = source.position();
+    let mut table = Table::new(stored);
+    let mut layers = Dealt::new(stored);
     let (mut buffer, mut chunk) = (vec![0; CHUNK_BYTES], Vec::with_capacity(CHUNK_BYTES / size));
-    while indices.filled < layout.voxels {
-        let wanted = ((layout.voxels - indices.filled) * size).min(CHUNK_BYTES);
-        let got = stream.fill(&mut buffer[..wanted])?;
+    while layers.dealt < stored.values() {
+        let wanted = size * layers.next_count(CHUNK_BYTES / size);
+        let got = source.fill(&mut buffer[..wanted])?;
         if got < wanted {
-            let expected = layout.offset + (layout.voxels * size) as u64;
-            return Err(ReadError::Truncated { expected, got: stream.position() });
+            let before = (layers.dealt * size) as u64;
+            return Err(ReadError::Truncated {
+                expected: start.saturating_add(stored.bytes()),
+                got: start + before + got as u64,
+            });
         }
         chunk.clear();
-        table.decode(&buffer[..wanted], indices.filled, &mut chunk)?;
-        indices.take(&chunk);
+        table.decode(&buffer[..wanted], layers.dealt, &mut chunk)?;
+        layers.take(&chunk);
     }
-    table.finish(indices.kept, stream.cancel())
+    let kept = layers.layers.into_iter().map(|layer| layer.kept).collect();
+    table.finish(kept, source.cancel())
+}
+
+/// Indices dealt to the layers that they belong to.
+struct Dealt {
+    layers: Vec<Indices>,
+    order: Layers,
+    voxels: usize,
+    /// Of all layers.
+    dealt: usize,
+    /// Those of one layer.
+    hand: Vec<u16>,
+}
+
+impl Dealt {
+    fn new(stored: &Stored) -> Self {
+        let layers = (0..stored.layers.count).map(|_| Indices::new(stored.voxels)).collect();
+        Self { layers, order: stored.layers, voxels: stored.voxels, dealt: 0, hand: Vec::new() }
+    }
+
+    /// How many values to read next, of at most `most`: all layers of every voxel where they are interleaved, else
+    /// no further than the end of a layer.
+    fn next_count(&self, most: usize) -> usize {
+        if self.order.are_interleaved {
+            let voxels_left = self.voxels - self.dealt / self.order.count;
+            return (most / self.order.count).clamp(1, voxels_left) * self.order.count;
+        }
+        most.min(self.voxels - self.dealt % self.voxels)
+    }
+
+    fn take(&mut self, chunk: &[u16]) {
+        if self.order.are_interleaved && self.order.count > 1 {
+            for (first, layer) in self.layers.iter_mut().enumerate() {
+                self.hand.clear();
+                self.hand.extend(chunk.iter().skip(first).step_by(self.order.count));
+                layer.take(&self.hand);
+            }
+        } else if let Some(layer) = self.layers.get_mut(self.dealt / self.voxels) {
+            layer.take(chunk);
+        }
+        self.dealt += chunk.len();
+    }
 }
 
 /// Indices as they come. Memory of zeros takes no room until it is written to, and background is not
@@ -105,18 +153,20 @@ struct Indices {
 
 impl Indices {
     fn new(total: usize) -> Self {
-        Self { kept: vec![0; total.min(FIRST_RESERVATION)], filled: 0, total }
+        Self { kept: Vec::new(), filled: 0, total }
     }
 
-    /// Doubles as a vector does, but never beyond what the volume needs.
+    /// Doubles as a vector does, but never beyond what the volume needs, and not for background.
     fn take(&mut self, chunk: &[u16]) {
         let end = self.filled + chunk.len();
-        if end > self.kept.len() {
-            let mut larger = vec![0; (2 * self.kept.len()).max(end).min(self.total)];
-            copy_all_but_background(&self.kept[..self.filled], &mut larger);
+        if end > self.kept.len() && chunk.iter().any(|index| *index != 0) {
+            let mut larger = vec![0; (2 * self.kept.len()).max(end).max(FIRST_RESERVATION).min(self.total)];
+            copy_all_but_background(&self.kept, &mut larger);
             self.kept = larger;
         }
-        copy_all_but_background(chunk, &mut self.kept[self.filled..end]);
+        if let Some(place) = self.kept.get_mut(self.filled..end) {
+            copy_all_but_background(chunk, place);
+        }
         self.filled = end;
     }
 }
@@ -131,11 +181,8 @@ fn copy_all_but_background(from: &[u16], to: &mut [u16]) {
 }
 
 /// From stored bit patterns to indices, in the order in which labels were met.
-struct Table {
-    datatype: Datatype,
-    order: ByteOrder,
-    scaling: Option<Scaling>,
-    dims: [usize; 3],
+struct Table<'a> {
+    stored: &'a Stored,
     /// By bit pattern, for stored values of one or two bytes.
     small: Vec<u32>,
     /// By bit pattern, for wider ones.
@@ -151,31 +198,28 @@ struct Table {
     near_zero: Option<(u64, usize)>,
 }
 
-impl Table {
-    fn new(layout: &Layout) -> Self {
-        let small = match layout.datatype.bytes() {
+impl<'a> Table<'a> {
+    fn new(stored: &'a Stored) -> Self {
+        let small = match stored.datatype.bytes() {
             1 => 1 << 8,
             2 => 1 << 16,
             _ => 0,
         };
         Self {
-            datatype: layout.datatype,
-            order: layout.order,
-            scaling: layout.scaling,
-            dims: layout.dims,
+            stored,
             small: vec![UNSEEN; small],
             wide: HashMap::new(),
             by_label: HashMap::from([(0, 0)]),
             labels: vec![0],
             nan: None,
-            tolerance: tolerance(layout),
+            tolerance: tolerance(stored),
             farthest: 0.0,
             near_zero: None,
         }
     }
 
     fn decode(&mut self, bytes: &[u8], first: usize, chunk: &mut Vec<u16>) -> Result<(), ReadError> {
-        match (self.datatype.bytes(), self.order) {
+        match (self.stored.datatype.bytes(), self.stored.order) {
             (1, _) => self.decode_small(bytes.iter().map(|b| u16::from(*b)), first, chunk),
             (2, ByteOrder::Little) => self.decode_small(patterns(bytes).map(u16::from_le_bytes), first, chunk),
             (2, ByteOrder::Big) => self.decode_small(patterns(bytes).map(u16::from_be_bytes), first, chunk),
@@ -240,14 +284,14 @@ impl Table {
 
     /// The slow way: decode, scale, check, and look the label up or add it.
     fn index_of(&mut self, pattern: u64, offset: usize) -> Result<u16, ReadError> {
-        let label = match (self.stored(pattern), self.scaling) {
-            (Stored::Whole(value), None) => i64::try_from(value).map_err(|_| self.no_label(value as f64, offset))?,
-            (Stored::Whole(value), Some(scaling)) => self.whole(scaling.value(value as f64), offset)?,
-            (Stored::Real(value), _) if value.is_nan() => return self.nan_index(),
-            (Stored::Real(value), None) => self.whole(value, offset)?,
-            (Stored::Real(value), Some(scaling)) => self.whole(scaling.value(value), offset)?,
+        let label = match (self.number(pattern), self.stored.scaling) {
+            (Number::Whole(value), None) => i64::try_from(value).map_err(|_| self.no_label(value as f64, offset))?,
+            (Number::Whole(value), Some(scaling)) => self.whole(scaling.value(value as f64), offset)?,
+            (Number::Real(value), _) if value.is_nan() => return self.nan_index(),
+            (Number::Real(value), None) => self.whole(value, offset)?,
+            (Number::Real(value), Some(scaling)) => self.whole(scaling.value(value), offset)?,
         };
-        if label == 0 && self.near_zero.is_none() && !self.datatype.is_whole() && self.real(pattern) != 0.0 {
+        if label == 0 && self.near_zero.is_none() && !self.stored.datatype.is_whole() && self.real(pattern) != 0.0 {
             self.near_zero = Some((pattern, offset));
         }
         if let Some(index) = self.by_label.get(&label) {
@@ -280,17 +324,17 @@ impl Table {
         clippy::cast_possible_truncation,
         reason = "a pattern of n bytes has zeros above them; each arm takes its n bytes back"
     )]
-    fn stored(&self, pattern: u64) -> Stored {
-        match self.datatype {
+    fn number(&self, pattern: u64) -> Number {
+        match self.stored.datatype {
             Datatype::Uint8 | Datatype::Uint16 | Datatype::Uint32 | Datatype::Uint64 => {
-                Stored::Whole(i128::from(pattern))
+                Number::Whole(i128::from(pattern))
             }
-            Datatype::Int8 => Stored::Whole(i128::from((pattern as u8).cast_signed())),
-            Datatype::Int16 => Stored::Whole(i128::from((pattern as u16).cast_signed())),
-            Datatype::Int32 => Stored::Whole(i128::from((pattern as u32).cast_signed())),
-            Datatype::Int64 => Stored::Whole(i128::from(pattern.cast_signed())),
-            Datatype::Float32 => Stored::Real(f64::from(f32::from_bits(pattern as u32))),
-            Datatype::Float64 => Stored::Real(f64::from_bits(pattern)),
+            Datatype::Int8 => Number::Whole(i128::from((pattern as u8).cast_signed())),
+            Datatype::Int16 => Number::Whole(i128::from((pattern as u16).cast_signed())),
+            Datatype::Int32 => Number::Whole(i128::from((pattern as u32).cast_signed())),
+            Datatype::Int64 => Number::Whole(i128::from(pattern.cast_signed())),
+            Datatype::Float32 => Number::Real(f64::from(f32::from_bits(pattern as u32))),
+            Datatype::Float64 => Number::Real(f64::from_bits(pattern)),
         }
     }
 
@@ -307,16 +351,11 @@ impl Table {
     }
 
     fn no_label(&self, value: f64, offset: usize) -> ReadError {
-        ReadError::NotALabelMap { voxel: self.voxel(offset), value, is_scaled: self.scaling.is_some() }
-    }
-
-    fn voxel(&self, offset: usize) -> [u64; 3] {
-        let [nx, ny, _] = self.dims;
-        [offset % nx, offset / nx % ny, offset / (nx * ny)].map(|n| n as u64)
+        ReadError::NotALabelMap { voxel: self.stored.voxel(offset), value, is_scaled: self.stored.scaling.is_some() }
     }
 
     /// Sorts the labels, and joins NaN to the background.
-    fn finish(self, mut indices: Vec<u16>, cancel: &dyn Cancel) -> Result<Voxels, ReadError> {
+    fn finish(self, mut layers: Vec<Vec<u16>>, cancel: &dyn Cancel) -> Result<Voxels, ReadError> {
         let (new_of_old, labels) = ascending(&self.labels);
         if let (Some((pattern, offset)), true) = (self.near_zero, labels.is_empty()) {
             return Err(self.nothing_but_near_zero(pattern, offset));
@@ -324,27 +363,32 @@ impl Table {
         let swapped_labels = self.swapped(&labels);
         let rounded_by = (self.farthest > WHOLE_NUMBER_TOLERANCE).then_some(self.farthest);
         let is_in_order = (0..=u16::MAX).zip(&new_of_old).all(|(old, new)| old == *new);
-        let nan_voxels = if is_in_order { 0 } else { renumber(&mut indices, &new_of_old, self.nan, cancel)? };
-        Ok(Voxels { indices, labels, nan_voxels, rounded_by, swapped_labels })
+        let mut nan_voxels = 0;
+        if !is_in_order {
+            for layer in &mut layers {
+                nan_voxels += renumber(layer, &new_of_old, self.nan, cancel)?;
+            }
+        }
+        Ok(Voxels { layers, labels, nan_voxels, rounded_by, swapped_labels })
     }
 
     /// Why a volume has no label although it is not all 0: its bytes are reversed, or its values are too small.
     fn nothing_but_near_zero(&self, pattern: u64, offset: usize) -> ReadError {
         let (value, swapped) = (self.real(pattern), self.real(self.reversed(pattern)));
         if swapped != 0.0 && swapped.fract() == 0.0 && swapped.abs() <= MAX_SWAPPED {
-            return ReadError::WrongByteOrder { voxel: self.voxel(offset), value, swapped };
+            return ReadError::WrongByteOrder { voxel: self.stored.voxel(offset), value, swapped };
         }
-        self.no_label(self.scaling.map_or(value, |scaling| scaling.value(value)), offset)
+        self.no_label(self.stored.scaling.map_or(value, |scaling| scaling.value(value)), offset)
     }
 
     /// Small whole numbers in the wrong byte order fill the upper half of their bytes alone: 1 is read as 256 or
     /// 16777216. Where all labels do, what they are in the other order; else nothing.
     fn swapped(&self, labels: &[Label]) -> Vec<i64> {
         let mut swapped = Vec::new();
-        if !self.datatype.is_whole() || self.datatype.bytes() == 1 || self.scaling.is_some() {
+        if !self.stored.datatype.is_whole() || self.stored.datatype.bytes() == 1 || self.stored.scaling.is_some() {
             return swapped;
         }
-        let half = 4 * self.datatype.bytes();
+        let half = 4 * self.stored.datatype.bytes();
         for label in labels {
             if (label.value.trailing_zeros() as usize) < half {
                 return Vec::new();
@@ -357,15 +401,15 @@ impl Table {
 
     /// A stored value as a real number.
     fn real(&self, pattern: u64) -> f64 {
-        match self.stored(pattern) {
-            Stored::Whole(value) => value as f64,
-            Stored::Real(value) => value,
+        match self.number(pattern) {
+            Number::Whole(value) => value as f64,
+            Number::Real(value) => value,
         }
     }
 
     /// A pattern with its bytes in the other order.
     fn reversed(&self, pattern: u64) -> u64 {
-        pattern.swap_bytes() >> (64 - 8 * self.datatype.bytes())
+        pattern.swap_bytes() >> (64 - 8 * self.stored.datatype.bytes())
     }
 }
 
@@ -389,16 +433,16 @@ fn renumber(indices: &mut [u16], new_of_old: &[u16], nan: Option<u16>, cancel: &
     Ok(nan_voxels)
 }
 
-enum Stored {
+enum Number {
     Whole(i128),
     Real(f64),
 }
 
 /// How far from a whole number a label may be. A writer that scaled labels to fit them into integers left every one half
 /// a step away at most.
-fn tolerance(layout: &Layout) -> f64 {
-    match layout.scaling {
-        Some(Scaling { slope, .. }) if layout.datatype.is_whole() && slope.abs() <= MAX_STEP => {
+fn tolerance(stored: &Stored) -> f64 {
+    match stored.scaling {
+        Some(Scaling { slope, .. }) if stored.datatype.is_whole() && slope.abs() <= MAX_STEP => {
             // The slope itself is rounded.
             WHOLE_NUMBER_TOLERANCE + 0.5 * slope.abs()
         }
