@@ -17,6 +17,8 @@ use crate::soak::{Dice, count, tell};
 
 /// Masks that differ in their header: few, so that most are sent again and their results are used again.
 const MASKS: u8 = 12;
+/// Jobs that are kept: with many more, a copy takes long and fills the disk.
+const MOST_KEPT: usize = 100;
 /// A byte of the header of NIfTI that means nothing: the description's first.
 const DESCRIPTION: usize = 148;
 
@@ -53,7 +55,9 @@ fn masks(dir: &Path) -> Vec<Vec<u8>> {
 fn ask(pair: &Pair, mut dice: Dice) {
     while !pair.stop.load(Ordering::Relaxed) {
         let server = pair.servers[usize::from(dice.below(2) == 1)].read().unwrap();
-        match dice.below(10) {
+        let acknowledged = pair.acknowledged.lock().unwrap().len();
+        let is_much = acknowledged - pair.deleted.lock().unwrap().len().min(acknowledged) > MOST_KEPT;
+        match if is_much { 0 } else { dice.below(10) } {
             0 => delete(pair, &server, &mut dice),
             1 => fetch(pair, &server, &mut dice),
             _ => send(pair, &server, &mut dice),
@@ -74,14 +78,16 @@ fn send(pair: &Pair, server: &Service, dice: &mut Dice) {
     }
 }
 
-fn any(jobs: &Mutex<BTreeSet<String>>, dice: &mut Dice) -> Option<String> {
-    let jobs = jobs.lock().unwrap();
-    let place = dice.below(jobs.len().max(1) as u64);
-    jobs.iter().nth(usize::try_from(place).unwrap()).cloned()
+/// One that nobody has asked to delete.
+fn any_kept(pair: &Pair, dice: &mut Dice) -> Option<String> {
+    let deleted = pair.deleted.lock().unwrap().clone();
+    let kept: BTreeSet<String> = pair.acknowledged.lock().unwrap().difference(&deleted).cloned().collect();
+    let place = dice.below(kept.len().max(1) as u64);
+    kept.into_iter().nth(usize::try_from(place).unwrap())
 }
 
 fn delete(pair: &Pair, server: &Service, dice: &mut Dice) {
-    let Some(job) = any(&pair.acknowledged, dice) else { return };
+    let Some(job) = any_kept(pair, dice) else { return };
     // Before it is asked for: it may happen though nobody hears of it.
     pair.deleted.lock().unwrap().insert(job.clone());
     server.try_call(&format!("DELETE {job}"), b"");
@@ -89,7 +95,7 @@ fn delete(pair: &Pair, server: &Service, dice: &mut Dice) {
 
 /// What is there to be fetched is whole.
 fn fetch(pair: &Pair, server: &Service, dice: &mut Dice) {
-    let Some(job) = any(&pair.acknowledged, dice) else { return };
+    let Some(job) = any_kept(pair, dice) else { return };
     let Some((_, body)) = server.try_call(&format!("GET {job}"), b"") else { return };
     let is_done = serde_json::from_str::<Value>(&body).is_ok_and(|job| job["state"] == "succeeded");
     if is_done && let Some((head, body)) = server.try_call(&format!("GET {job}/results/thickness.json"), b"") {
