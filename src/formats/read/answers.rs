@@ -21,10 +21,12 @@ impl Default for InputLimits {
 }
 
 /// What a header says of the work that a file is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeaderFacts {
     /// Voxels of the volume.
     pub voxels: u64,
+    /// Edge of a cube with the volume of a voxel, mm.
+    pub voxel_mm: f64,
     /// Whether the voxels are compressed in the file.
     pub is_compressed: bool,
 }

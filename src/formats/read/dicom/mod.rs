@@ -65,7 +65,8 @@ pub(in crate::formats) fn header(stream: &mut Stream<'_>, limits: InputLimits) -
     }
     let voxels = described.stack.dims.iter().product::<usize>() as u64;
     let is_compressed = walk.source.stream().is_compressed() || transfer.is_compressed();
-    Ok(HeaderFacts { voxels, is_compressed })
+    let voxel_mm = described.stack.world_from_voxel.voxel_volume_mm3().cbrt();
+    Ok(HeaderFacts { voxels, voxel_mm, is_compressed })
 }
 
 /// Reads a segmentation to its end.

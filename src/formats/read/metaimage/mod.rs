@@ -29,9 +29,9 @@ pub(in crate::formats) fn sniff(head: &[u8]) -> Sniffed {
 pub(in crate::formats) fn header(stream: &mut Stream<'_>, limits: InputLimits) -> Result<HeaderFacts, ReadError> {
     let fields = read_header(stream)?;
     let layout = Layout::check(&fields, limits.max_voxels)?;
-    world_from_voxel(&fields, layout.rank, &mut Vec::new())?;
+    let voxel_mm = world_from_voxel(&fields, layout.rank, &mut Vec::new())?.voxel_volume_mm3().cbrt();
     let is_compressed = stream.is_compressed() || layout.packing == Packing::Deflated;
-    Ok(HeaderFacts { voxels: layout.stored.voxels as u64, is_compressed })
+    Ok(HeaderFacts { voxels: layout.stored.voxels as u64, voxel_mm, is_compressed })
 }
 
 /// Reads a MetaImage file to its last voxel.

@@ -35,8 +35,8 @@ pub(in crate::formats) use self::kind::{KIND_BYTES, sniff};
 /// When it alone shows that [`read`] will fail.
 pub(in crate::formats) fn header(stream: &mut Stream<'_>, limits: InputLimits) -> Result<HeaderFacts, ReadError> {
     let (raw, layout, _) = read_header(stream, limits)?;
-    world_from_voxel(&raw, layout.stored.dims, &mut Vec::new())?;
-    Ok(HeaderFacts { voxels: layout.stored.voxels as u64, is_compressed: stream.is_compressed() })
+    let voxel_mm = world_from_voxel(&raw, layout.stored.dims, &mut Vec::new())?.voxel_volume_mm3().cbrt();
+    Ok(HeaderFacts { voxels: layout.stored.voxels as u64, voxel_mm, is_compressed: stream.is_compressed() })
 }
 
 /// Reads a NIfTI-1 or NIfTI-2 file to its last voxel.
