@@ -6,6 +6,8 @@ pub mod run;
 
 mod bar;
 
+mod mask;
+
 mod table;
 
 pub mod sample;

@@ -1,6 +1,5 @@
 //! `medialrep run`: one mask, no service.
 
-use std::fs::File;
 use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -9,6 +8,7 @@ use anyhow::Context;
 use clap::Args;
 
 use super::bar::Bar;
+use super::mask::{CHECK_PATH, find_mask};
 use super::table::{WIDTH, json_lines, table};
 use super::{cause, complain, exit};
 use crate::formats::params_json;
@@ -22,7 +22,7 @@ use crate::problem::Problem;
 /// Arguments of `run`.
 #[derive(Debug, Args)]
 pub struct RunArgs {
-    /// The mask: a binary or label map, .nii, .nii.gz, .nrrd, .seg.nrrd or .mha
+    /// The mask: a binary or label map, .nii, .nii.gz, .nrrd, .seg.nrrd, .mha or DICOM SEG; or a folder with one of these
     mask: PathBuf,
     /// Folder for the results; made when it is not there
     #[arg(long, value_name = "DIR")]
@@ -66,7 +66,7 @@ pub fn run(arguments: RunArgs) -> anyhow::Result<ExitCode> {
 
 fn try_run(arguments: &RunArgs) -> Result<Vec<StructureSummary>, Box<Problem>> {
     let params = read_params(&arguments.params)?;
-    check_mask(&arguments.mask)?;
+    let mask = find_mask(&arguments.mask)?;
     check_folder(&arguments.out)?;
     let bar = if arguments.quiet || !io::stderr().is_terminal() { Bar::hidden() } else { Bar::on_stderr() };
     let out = (arguments.out.as_path(), Kept::Artifacts);
@@ -76,7 +76,7 @@ fn try_run(arguments: &RunArgs) -> Result<Vec<StructureSummary>, Box<Problem>> {
         threads: arguments.threads,
         ..defaults
     });
-    let outcome = isolation.process(&arguments.mask, &params, InputLimits::default(), out, &bar);
+    let outcome = isolation.process(&mask, &params, InputLimits::default(), out, &bar);
     bar.clear();
     match outcome {
         Ok(processed) => Ok(processed.structures),
@@ -99,23 +99,6 @@ fn read_params(argument: &str) -> Result<CheckedParams, Box<Problem>> {
     let is_path = problem.code == "malformed_params" && Path::new(argument).is_file();
     let hint = format!("write --params @{argument} to read them from that file");
     Err(Box::new(if is_path { problem.hint(hint) } else { problem }))
-}
-
-const CHECK_PATH: &str = "check the path";
-
-/// A mask that can be opened; what is in it is not looked at.
-fn check_mask(mask: &Path) -> Result<(), Box<Problem>> {
-    let cannot = |why: &str, hint: &str| {
-        usage("cannot_open_mask", format!("cannot open the mask {}: {why}", mask.display()), "MASK", hint)
-    };
-    if mask.is_dir() {
-        return Err(cannot("it is a folder", "name one file in it, such as .nii.gz or .nrrd"));
-    }
-    match File::open(mask) {
-        Ok(_) => Ok(()),
-        Err(error) if error.kind() == ErrorKind::PermissionDenied => Err(cannot(&cause(&error), "make it readable")),
-        Err(error) => Err(cannot(&cause(&error), CHECK_PATH)),
-    }
 }
 
 /// A folder, made if need be, that can be written into: found out now, not after the work.
@@ -170,10 +153,12 @@ fn sentence(problem: &Problem) -> String {
 }
 
 fn exit_code(problem: &Problem) -> u8 {
-    const USAGE_CODES: [&str; 6] = [
+    const USAGE_CODES: [&str; 8] = [
         "malformed_params",
         "invalid_params",
         "cannot_open_mask",
+        "no_mask_in_folder",
+        "several_masks",
         "cannot_make_folder",
         "cannot_write_folder",
         "cannot_open_params",
@@ -243,7 +228,7 @@ mod tests {
                 Problem::from(&Refusal::TooManyPoints { method: "exact ISOMAP".into(), points: 20_000, limit: 10_000 }),
                 4,
             ),
-            (*check_mask(Path::new("/")).unwrap_err(), 2),
+            (*find_mask(Path::new("/nowhere/at/all")).unwrap_err(), 2),
             (*check_folder(Path::new("/proc")).unwrap_err(), 2),
             (*check_folder(Path::new("/dev/null")).unwrap_err(), 2),
             (Problem::internal(), 1),

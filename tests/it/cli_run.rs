@@ -102,6 +102,22 @@ fn wrong_usage_ends_with_2() {
 }
 
 #[test]
+fn the_only_mask_in_a_folder_is_found_among_other_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let series = folder.path().join("study/series");
+    std::fs::create_dir_all(&series).unwrap();
+    std::fs::write(folder.path().join("DICOMDIR"), b"nothing of ours").unwrap();
+    let out = folder.path().join("out");
+    let run = || medialrep(&["run", text(folder.path()), "--out", text(&out)]);
+    let none = run();
+    assert_eq!(none.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&none.stderr).contains("none of the 1 files"));
+    std::fs::write(series.join("mask.dcm"), Nifti::small(1).bytes()).unwrap();
+    // Too small to be represented, but read.
+    assert_eq!(run().status.code(), Some(4));
+}
+
+#[test]
 fn what_goes_wrong_in_the_first_minutes_is_told_in_one_line() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str, bytes: &[u8]| {
@@ -114,7 +130,7 @@ fn what_goes_wrong_in_the_first_minutes_is_told_in_one_line() {
     let (dir, out) = (text(folder.path()), text(&folder.path().join("out")).to_owned());
     let run = |mask: &str, out: &str, params: &str| ["run", mask, "--out", out, "--params", params].map(str::to_owned);
     for (arguments, code, words) in [
-        (run(dir, &out, "{}"), 2, vec![dir, "is a folder", "name one file"]),
+        (run(dir, &out, "{}"), 2, vec![dir, "holds 2 masks", "m.nii", "name one of them"]),
         (run("/nowhere.nii", &out, "{}"), 2, vec!["/nowhere.nii", "No such file", "check the path"]),
         (run(&mask, &params, "{}"), 2, vec![&params, "is a file", "name another folder"]),
         (run(&mask, "/proc", "{}"), 2, vec!["cannot write into the folder /proc", "make it writable"]),
