@@ -147,7 +147,8 @@ async fn check_files(store: &dyn Store, place: &Place) -> anyhow::Result<String>
 async fn check_rows(store: &dyn Store, place: &Place) -> anyhow::Result<String> {
     let found = place.blobs()?.stored().await?;
     let kept = store.kept_files().await?;
-    let lost = lost_jobs(&found, &kept, &place.jobs_by_audit()?);
+    let erased = store.erased_jobs().await?;
+    let lost = lost_jobs(&found, (&kept, &erased), &place.jobs_by_audit()?);
     let unnamed = without_kept(found, kept);
     if let Some(first) = lost.first() {
         bail!(

@@ -19,6 +19,9 @@ const SWEEP: Duration = Duration::from_secs(3600);
 /// How long the clock must not have jumped before anything is erased: one that is forty days ahead for some seconds would
 /// erase everything.
 const STEADY: Duration = Duration::from_secs(3600);
+/// How long it is known that a row was deleted. Its end is in the audit log in the same moment, unless the server was killed; then
+/// its files are swept by the next start, or by another server within two hours.
+const KNOWN_ERASED: Duration = Duration::from_secs(3 * 3600);
 /// How many jobs are erased at once: others want to write in between.
 const BATCH: u32 = 100;
 
@@ -37,6 +40,7 @@ pub(super) async fn keep(jobs: Arc<Jobs>) {
         jobs.mark_audit().await;
         if swept.elapsed() >= SWEEP {
             swept = Instant::now();
+            forget_erased(&jobs).await;
             match jobs.sweep_old().await {
                 Ok(count) => tracing::info!(count, "files swept that no job names"),
                 Err(error) => tracing::error!(%error, "files cannot be swept"),
@@ -101,6 +105,16 @@ async fn erase_due(jobs: &Jobs) -> Result<(), JobsError> {
         }
     }
     Ok(())
+}
+
+/// What was deleted long ago stands in the audit log.
+async fn forget_erased(jobs: &Jobs) {
+    let Some(before) = jobs.clock().steady_for(STEADY).and_then(|now| now.checked_sub(KNOWN_ERASED).ok()) else {
+        return;
+    };
+    if let Err(error) = jobs.store().forget_erased(before).await {
+        tracing::warn!(%error, "what is known of deleted jobs cannot be forgotten");
+    }
 }
 
 /// Before the files go: the rows have gone already, and who stops the server now finds it written.

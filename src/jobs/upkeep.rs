@@ -105,9 +105,10 @@ impl Jobs {
         on_own_thread(move || blobs.sweep_scratch_of_others()).await?;
         let found = self.blobs().stored().await?;
         let kept = self.store().kept_files().await?;
+        let erased = self.store().erased_jobs().await?;
         let audit = self.audit();
         let (left, lost) = on_own_thread(move || {
-            let lost = lost_jobs(&found, &kept, &audit.jobs_left()?);
+            let lost = lost_jobs(&found, (&kept, &erased), &audit.jobs_left()?);
             let mut left = without_kept(found, kept);
             left.retain(|key| key.job().is_none_or(|job| !lost.contains(&job)));
             Ok((left, lost))

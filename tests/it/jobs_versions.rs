@@ -91,7 +91,7 @@ async fn write(pool: &SqlitePool, step: i64, job: &Kept) {
     match step {
         1 => {}
         2 => write_second(pool, job).await,
-        3..=8 => {
+        3..=9 => {
             write_second(pool, job).await;
             write_third(pool, job).await;
         }

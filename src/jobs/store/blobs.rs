@@ -516,11 +516,16 @@ pub fn without_kept(found: Vec<StoredKey>, kept: Vec<KeptFiles>) -> Vec<StoredKe
     found.into_iter().filter(|key| !key.is_kept(&kept)).collect()
 }
 
-/// Jobs that a log has and the database has not, of which there are files. What they lost are changes of the database.
+/// Jobs that a log has, of which there are files, and that the database neither has nor has deleted: it has lost them.
 #[must_use]
-pub fn lost_jobs(found: &[StoredKey], kept: &[KeptFiles], by_log: &BTreeSet<String>) -> BTreeSet<String> {
-    let rows: BTreeSet<String> = kept.iter().map(|files| files.id.to_string()).collect();
-    found.iter().filter_map(StoredKey::job).filter(|job| by_log.contains(job) && !rows.contains(job)).collect()
+pub fn lost_jobs(
+    found: &[StoredKey],
+    (kept, erased): (&[KeptFiles], &[JobId]),
+    by_log: &BTreeSet<String>,
+) -> BTreeSet<String> {
+    let known = kept.iter().map(|files| files.id).chain(erased.iter().copied());
+    let known: BTreeSet<String> = known.map(|id| id.to_string()).collect();
+    found.iter().filter_map(StoredKey::job).filter(|job| by_log.contains(job) && !known.contains(job)).collect()
 }
 
 /// Where something is stored.

@@ -499,6 +499,12 @@ pub trait RetentionStore: Send + Sync {
     /// Forgets jobs that ended before this time; at most `limit`.
     async fn expire_jobs(&self, ended_before: Timestamp, limit: u32) -> Result<Vec<JobId>, StoreError>;
 
+    /// Jobs whose rows were deleted a while ago at the most: their end may not stand in the audit log yet.
+    async fn erased_jobs(&self) -> Result<Vec<JobId>, StoreError>;
+
+    /// Forgets that rows were deleted before this time.
+    async fn forget_erased(&self, before: Timestamp) -> Result<(), StoreError>;
+
     /// What may not be swept.
     async fn kept_files(&self) -> Result<Vec<KeptFiles>, StoreError>;
 }

@@ -171,6 +171,7 @@ fn migrator() -> Migrator {
         migration(6, "callbacks", include_str!("../../../../migrations/sqlite/0006_callbacks.sql")),
         migration(7, "storage", include_str!("../../../../migrations/sqlite/0007_storage.sql")),
         migration(8, "audit", include_str!("../../../../migrations/sqlite/0008_audit.sql")),
+        migration(9, "erased", include_str!("../../../../migrations/sqlite/0009_erased.sql")),
     ])
 }
 

@@ -45,6 +45,16 @@ impl RetentionStore for SqliteStore {
         Ok(ids)
     }
 
+    async fn erased_jobs(&self) -> Result<Vec<JobId>, StoreError> {
+        sqlx::query("SELECT id FROM erased_jobs").fetch_all(&self.reader).await?.iter().map(rows::id).collect()
+    }
+
+    async fn forget_erased(&self, before: Timestamp) -> Result<(), StoreError> {
+        let old = sqlx::query("DELETE FROM erased_jobs WHERE erased_at_ms < $1").bind(before.as_millisecond());
+        old.execute(&self.writer).await?;
+        Ok(())
+    }
+
     async fn kept_files(&self) -> Result<Vec<KeptFiles>, StoreError> {
         let mut rows =
             sqlx::query("SELECT id, mask_kept, results_kept, results_token, lease_token FROM jobs").fetch(&self.reader);
