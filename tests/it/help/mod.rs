@@ -8,6 +8,8 @@ pub mod nifti_bytes;
 
 pub mod text_bytes;
 
+pub mod dicom_bytes;
+
 pub mod phantoms;
 
 pub mod organs;
