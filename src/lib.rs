@@ -35,7 +35,8 @@
 //!               solid ─ medial ─ sheets ─ sides ─ plane ─ lattice ─ vectors ─ quality
 //! ```
 //!
-//! [`drawing`] makes pictures of a model, for documents and reports.
+//! [`drawing`] makes pictures of a model, for documents and reports: `formats::write::report` lays them out with the numbers,
+//! and PNG, PDF and DICOM are written of its pages.
 //!
 //! The folders of [`pipeline`] are the boxes of the paper's figure 2, and the quality, which the paper has not; its
 //! `stages` have their order. `jobs::process` is

@@ -8,9 +8,9 @@ use super::view::View;
 use crate::space::WorldPoint;
 
 /// Where light comes from: from the left, above, and the eye.
-const LIGHT: [f64; 3] = [-0.35, 0.55, 0.76];
+pub(super) const LIGHT: [f64; 3] = [-0.35, 0.55, 0.76];
 /// How much of its colour a face keeps that light does not reach.
-const SHADE: f64 = 0.55;
+pub(super) const SHADE: f64 = 0.55;
 /// How much of its colour the farthest dot loses.
 const HAZE: f64 = 0.5;
 /// Steps of distance that dots are put in: within a step they are drawn as they were added, which leaves those of a kind

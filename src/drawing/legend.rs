@@ -86,7 +86,7 @@ impl Range {
 
 /// The largest of 1, 2 and 5 times a power of ten that is not above a length; for steps of scales and scale bars.
 #[must_use]
-pub(super) fn round_step(length: f64) -> f64 {
+pub fn round_step(length: f64) -> f64 {
     let power = 10f64.powf(length.log10().floor());
     // A hair less: 0.1 is not the tenth part of 1 to the last digit.
     let most = length / power * (1.0 + 1e-9);
@@ -96,7 +96,7 @@ pub(super) fn round_step(length: f64) -> f64 {
 
 /// A length of a scale in words, with no more digits than it has.
 #[must_use]
-pub(super) fn told(length: f64) -> String {
+pub fn told(length: f64) -> String {
     let told = format!("{length:.4}");
     told.trim_end_matches('0').trim_end_matches('.').to_owned()
 }

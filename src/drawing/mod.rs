@@ -1,4 +1,5 @@
-//! Pictures of results as SVG text: for documents, reports and whoever has no viewer in space.
+//! Pictures of results: for documents, reports and whoever has no viewer in space. Drawings are SVG text, surfaces are
+//! pixels.
 //!
 //! ```text
 //!  Model ──► Scene ──► Drawn ──► SVG
@@ -13,10 +14,22 @@
 //!    (`picture`).
 //!
 //! Equal scenes give equal bytes: marks at one depth stay in their order, and numbers have one decimal.
+//!
+//! ```text
+//!  Structures ──► Solid ──► Pixels ──► Page ──► Pixels, or a page of a document
+//!             solid    picture             painted
+//! ```
+//!
+//! A [`Solid`] is drawn with a depth buffer, since closed surfaces hide much of each other; a [`Page`] sets such pictures
+//! beside words, bars and numbers, in a [`Typeface`] that the program brings along.
 
 pub mod colors;
 
 mod view;
+
+pub mod typeface;
+
+mod pixels;
 
 mod scene;
 
@@ -34,9 +47,17 @@ mod entries;
 
 mod picture;
 
+mod solid;
+
+pub mod page;
+
 pub use colors::Rgb;
 pub use figures::{Paint, VECTOR_COLORS, WALL_COLOR};
-pub use legend::{Key, Legend, Range};
+pub use legend::{Key, Legend, Range, round_step, told};
+pub use page::{Element, Page};
 pub use picture::{Panel, Picture};
+pub use pixels::Pixels;
 pub use scene::{Item, Mark, Scene};
+pub use solid::{BARE, Frame, NO_THICKNESS, Solid};
+pub use typeface::Typeface;
 pub use view::View;

@@ -91,11 +91,42 @@ impl View {
         [self.right, self.up, self.toward].map(|axis| axis.dot(&point.coords))
     }
 
+    /// From in front of a patient who lies as the world says (RAS), their head up.
+    #[must_use]
+    pub fn from_front() -> Self {
+        Self { right: -WorldVector::x(), up: WorldVector::z(), toward: WorldVector::y() }
+    }
+
+    /// From the patient's left, their head up.
+    #[must_use]
+    pub fn from_left() -> Self {
+        Self { right: -WorldVector::y(), up: WorldVector::z(), toward: -WorldVector::x() }
+    }
+
+    /// From the patient's feet, their face up: as axial slices are shown.
+    #[must_use]
+    pub fn from_feet() -> Self {
+        Self { right: -WorldVector::x(), up: WorldVector::y(), toward: -WorldVector::z() }
+    }
+
+    /// Letters of the sides of the patient that lie to the left, right, top and bottom of the picture.
+    #[must_use]
+    pub fn letters(&self) -> [char; 4] {
+        [-self.right, self.right, self.up, -self.up].map(letter)
+    }
+
     /// A direction in the same terms.
     #[must_use]
     pub fn project_vector(&self, vector: WorldVector) -> [f64; 3] {
         [self.right, self.up, self.toward].map(|axis| axis.dot(&vector))
     }
+}
+
+/// The side of the patient that a direction points to most.
+fn letter(direction: WorldVector) -> char {
+    const SIDES: [[char; 2]; 3] = [['R', 'L'], ['A', 'P'], ['S', 'I']];
+    let [front, back] = SIDES[direction.iamax()];
+    if direction[direction.iamax()] > 0.0 { front } else { back }
 }
 
 /// An axis or its opposite: that whose largest coordinate is positive. Of equal ones the first counts.
@@ -143,6 +174,15 @@ mod tests {
         assert!(is_near(view.spun(90.0).project(point), [-2.0, 1.0, 3.0]));
         assert!(is_near(view.tilted(90.0).project(point), [1.0, 3.0, -2.0]));
         assert_eq!(View::new(WorldVector::z(), -WorldVector::z()), None);
+    }
+
+    #[test]
+    fn the_patient_is_seen_as_on_slices() {
+        let letters = [View::from_front(), View::from_left(), View::from_feet()].map(|view| view.letters());
+        assert_eq!(letters, [['R', 'L', 'S', 'I'], ['A', 'P', 'S', 'I'], ['R', 'L', 'A', 'P']]);
+        for view in [View::from_front(), View::from_left(), View::from_feet()] {
+            assert_eq!(View::new(view.toward, view.up), Some(view), "it is no mirror");
+        }
     }
 
     #[test]

@@ -5,7 +5,7 @@
 use std::io::{self, Write};
 
 use super::write::record::Record;
-use super::write::{glb, tables, thickness};
+use super::write::{dicom, glb, picture, stl, tables, thickness};
 
 /// A file that is made of a result.
 pub struct Artifact {
@@ -22,7 +22,7 @@ pub struct Artifact {
 }
 
 /// All of them, in the order of the contract.
-pub const ARTIFACTS: [Artifact; 4] = [
+pub const ARTIFACTS: [Artifact; 11] = [
     Artifact {
         name: "model.glb",
         media_type: "model/gltf-binary",
@@ -50,6 +50,55 @@ pub const ARTIFACTS: [Artifact; 4] = [
         is_default: true,
         tells_time: false,
         write: |record, out| tables::write_points(&record.model, out),
+    },
+    Artifact {
+        name: "picture.png",
+        media_type: "image/png",
+        is_default: false,
+        tells_time: false,
+        write: picture::write_png,
+    },
+    Artifact {
+        name: "report.pdf",
+        media_type: "application/pdf",
+        is_default: false,
+        tells_time: false,
+        write: picture::write_pdf,
+    },
+    Artifact {
+        name: "surfaces.stl",
+        media_type: "model/stl",
+        is_default: false,
+        tells_time: false,
+        write: |record, out| stl::write(&record.model, out),
+    },
+    Artifact {
+        name: "picture.dcm",
+        media_type: "application/dicom",
+        is_default: false,
+        tells_time: false,
+        write: dicom::write_picture,
+    },
+    Artifact {
+        name: "report.pdf.dcm",
+        media_type: "application/dicom",
+        is_default: false,
+        tells_time: false,
+        write: dicom::write_pdf,
+    },
+    Artifact {
+        name: "surfaces.stl.dcm",
+        media_type: "application/dicom",
+        is_default: false,
+        tells_time: false,
+        write: dicom::write_stl,
+    },
+    Artifact {
+        name: "report.sr.dcm",
+        media_type: "application/dicom",
+        is_default: false,
+        tells_time: false,
+        write: dicom::write_report,
     },
 ];
 

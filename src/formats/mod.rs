@@ -7,11 +7,12 @@ mod read;
 
 pub mod params_json;
 
+pub mod dicom_origin;
+
 pub mod artifacts;
 
 pub mod write;
 
-#[cfg(feature = "service")]
 pub(crate) use read::stream::hex;
 pub use read::{DicomError, DicomFault, HeaderFacts, InputLimits, LineFault, ReadError};
 pub use readers::{ReadVolume, read, read_file};

@@ -30,13 +30,15 @@ use crate::problem::Problem;
     get, path = "/v1/jobs/{id}/results/{name}", tag = "jobs",
     params(
         IdParam,
-        ("name" = String, Path, description = "model.glb, thickness.json, thickness.csv or points.csv"),
+        ("name" = String, Path, description = "A file of the table of outputs: model.glb, thickness.json, report.pdf, report.sr.dcm, …"),
         ("If-None-Match" = Option<String>, Header, description = "An ETag that the client has"),
         ("Range" = Option<String>, Header, description = "One range of bytes")
     ),
     responses(
         (status = 200, description = "The whole file", content(
-            (inline(BytesSchema) = "model/gltf-binary"), (serde_json::Value = "application/json"), (String = "text/csv")
+            (inline(BytesSchema) = "model/gltf-binary"), (serde_json::Value = "application/json"), (String = "text/csv"),
+            (inline(BytesSchema) = "image/png"), (inline(BytesSchema) = "application/pdf"),
+            (inline(BytesSchema) = "model/stl"), (inline(BytesSchema) = "application/dicom")
         ), headers(("ETag" = String, description = "The content's SHA-256"))),
         (status = 206, description = "The range asked for"),
         (status = 304, description = "The client has it"),

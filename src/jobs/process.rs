@@ -13,6 +13,7 @@ use super::drafts::{Drafts, RECORD, WrittenFile};
 use super::processed::{Processed, StructureSummary};
 use crate::cancel::{Cancel, Cancelled};
 use crate::formats::artifacts::{ARTIFACTS, Artifact};
+use crate::formats::dicom_origin::DicomOrigin;
 use crate::formats::write::record::Record;
 use crate::formats::write::thickness::{InputFacts, OuterTimings};
 use crate::formats::{self, ReadError};
@@ -121,7 +122,7 @@ pub fn process(
     let notices = read.volume.into_notices();
     let warnings = notices.into_iter().map(|n| Warning { code: n.code.into(), message: n.message }).collect();
     let input = InputFacts { sha256: read.sha256, format: read.format.to_owned() };
-    publish(model, Source { input, warnings, start, read_ms }, (out, keep), observer)
+    publish(model, Source { input, warnings, dicom: None, start, read_ms }, (out, keep), observer)
 }
 
 /// What the artifacts say of the file and the run.
@@ -131,6 +132,8 @@ pub struct Source {
     pub input: InputFacts,
     /// The reader's warnings.
     pub warnings: Vec<Warning>,
+    /// What results take over from the DICOM object that it is; `None` of other formats.
+    pub dicom: Option<DicomOrigin>,
     /// When the run began.
     pub start: Instant,
     /// Milliseconds that reading took.
@@ -150,7 +153,9 @@ pub fn publish(
     let write_start = Instant::now();
     let drafts = Drafts::within(out, cancel);
     let timings = OuterTimings { read_ms: source.read_ms, ..OuterTimings::default() };
-    let mut record = Record { model, input: source.input, warnings: source.warnings, timings };
+    let Source { input, warnings, dicom, .. } = source;
+    let ended_unix_s = Some(jiff::Timestamp::now().as_second());
+    let mut record = Record { model, input, warnings, timings, ended_unix_s, dicom };
     let (late, early): (Vec<&Artifact>, Vec<&Artifact>) =
         asked(&record.model.params).into_iter().partition(|artifact| artifact.tells_time);
     let early = early.par_iter().map(|artifact| write(&drafts, artifact, &record));

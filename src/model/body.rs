@@ -1,12 +1,13 @@
 //! What a figure encloses, whatever its kind: for measures that look at all figures alike.
 
 use super::closed::closed;
+use super::figure::Figure;
 use super::meshes::TriangleMesh;
 use super::patches::Patches;
 use super::shell::Shell;
 use super::tube::TubeShell;
 use super::tube_patches::TubePatches;
-use crate::cancel::{Cancel, Cancelled};
+use crate::cancel::{Cancel, Cancelled, Never};
 
 /// The nodes of a figure as what they enclose.
 #[derive(Clone, Copy, Debug)]
@@ -17,7 +18,25 @@ pub enum Body<'a> {
     Tube(TubeShell<'a>),
 }
 
+impl Figure {
+    /// What it encloses.
+    #[must_use]
+    pub fn body(&self) -> Body<'_> {
+        match self {
+            Self::Sheet(sheet) => Body::Sheet(sheet.into()),
+            Self::Tube(tube) => Body::Tube(tube.into()),
+        }
+    }
+}
+
 impl Body<'_> {
+    /// The closed surface of the smooth surfaces through its nodes; `None` without one.
+    #[must_use]
+    pub fn smooth_closed(self) -> Option<TriangleMesh> {
+        let (patches, _) = FigurePatches::of(self, &Never).ok()?;
+        patches.body().closed()
+    }
+
     /// Its closed surface; `None` without one.
     #[must_use]
     pub fn closed(&self) -> Option<TriangleMesh> {

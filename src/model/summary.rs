@@ -3,7 +3,7 @@
 
 use nalgebra::Point3;
 
-use super::figure::Sheet;
+use super::figure::{Figure, Sheet};
 use super::quality::NodeRepair;
 use super::shell::{Shell, quad_area};
 use super::side::Side;
@@ -24,6 +24,10 @@ pub struct LengthSummary {
     pub p50: f64,
     /// 95th percentile.
     pub p95: f64,
+    /// Smallest.
+    pub min: f64,
+    /// Largest.
+    pub max: f64,
 }
 
 /// Thickness over one figure, or over several, but for nodes that repair spoilt; a length is `None` without any area.
@@ -45,8 +49,9 @@ impl LengthSummary {
     /// Of so many times the length.
     #[must_use]
     pub fn scaled(self, by: f64) -> Self {
-        let [mean, sd, p5, p50, p95] = [self.mean, self.sd, self.p5, self.p50, self.p95].map(|length| length * by);
-        Self { mean, sd, p5, p50, p95 }
+        let Self { mean, sd, p5, p50, p95, min, max } = self;
+        let [mean, sd, p5, p50, p95, min, max] = [mean, sd, p5, p50, p95, min, max].map(|length| length * by);
+        Self { mean, sd, p5, p50, p95, min, max }
     }
 }
 
@@ -67,6 +72,17 @@ impl Sheet {
     #[must_use]
     pub fn node_areas_mm2(&self) -> Vec<f64> {
         node_areas(self.into())
+    }
+}
+
+impl Figure {
+    /// Thickness over the figure.
+    #[must_use]
+    pub fn thickness_summary(&self) -> ThicknessSummary {
+        match self {
+            Self::Sheet(sheet) => sheet.thickness_summary(),
+            Self::Tube(tube) => thickness_summary(std::iter::empty(), std::iter::once(tube)),
+        }
     }
 }
 
@@ -132,6 +148,6 @@ pub fn node_areas(shell: Shell<'_>) -> Vec<f64> {
 /// From pairs of a length and its weight; `None` without any.
 pub(super) fn length_summary(weighted: Vec<(f64, f64)>) -> Option<LengthSummary> {
     let lengths = Weighted::new(weighted)?;
-    let [p5, p50, p95] = [0.05, 0.5, 0.95].map(|share| lengths.percentile(share));
-    Some(LengthSummary { mean: lengths.mean(), sd: lengths.deviation(), p5, p50, p95 })
+    let [min, p5, p50, p95, max] = [0.0, 0.05, 0.5, 0.95, 1.0].map(|share| lengths.percentile(share));
+    Some(LengthSummary { mean: lengths.mean(), sd: lengths.deviation(), p5, p50, p95, min, max })
 }

@@ -165,4 +165,19 @@ impl Embedding {
 }
 
 /// What can be made of a result, in the order in which it is listed.
-pub const ARTIFACT_NAMES: [&str; 4] = ["model.glb", "thickness.json", "thickness.csv", "points.csv"];
+pub const ARTIFACT_NAMES: [&str; 11] = [
+    "model.glb",
+    "thickness.json",
+    "thickness.csv",
+    "points.csv",
+    "picture.png",
+    "report.pdf",
+    "surfaces.stl",
+    "picture.dcm",
+    "report.pdf.dcm",
+    "surfaces.stl.dcm",
+    "report.sr.dcm",
+];
+
+/// Those that are made unless others are asked for.
+pub const DEFAULT_ARTIFACTS: [&str; 4] = ["model.glb", "thickness.json", "thickness.csv", "points.csv"];

@@ -19,7 +19,8 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 pub use choices::{
-    ARTIFACT_NAMES, Correspondence, Embedding, GridChoice, Kinds, Landmarks, LatticeKind, Neighbors, Prune,
+    ARTIFACT_NAMES, Correspondence, DEFAULT_ARTIFACTS, Embedding, GridChoice, Kinds, Landmarks, LatticeKind, Neighbors,
+    Prune,
 };
 pub use given::Given;
 pub(crate) use given::echo;
@@ -84,7 +85,7 @@ impl Default for Params {
             embedding: Embedding::Isomap,
             kinds: Kinds::Auto,
             names: BTreeMap::new(),
-            outputs: ARTIFACT_NAMES.to_vec(),
+            outputs: DEFAULT_ARTIFACTS.to_vec(),
         }
     }
 }

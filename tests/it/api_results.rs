@@ -113,6 +113,20 @@ async fn a_result_that_was_not_asked_for_is_made_when_it_is_and_kept() {
 }
 
 #[tokio::test]
+async fn results_for_archives_are_made_when_somebody_asks() {
+    let server = Server::start(processes()).await;
+    let job = job_of_a_slab(&server, "{}").await;
+    for (name, media_type) in
+        [("picture.png", "image/png"), ("report.pdf", "application/pdf"), ("report.sr.dcm", "application/dicom")]
+    {
+        let made = server.get(&format!("{job}/results/{name}")).await;
+        assert_eq!((made.status.as_u16(), made.header("content-type")), (200, media_type), "{name}");
+        let again = server.get(&format!("{job}/results/{name}")).await;
+        assert_eq!(again.body, made.body, "{name}: what was made is kept");
+    }
+}
+
+#[tokio::test]
 async fn many_who_ask_at_once_for_what_is_not_there_get_the_same() {
     let server = Server::start(processes()).await;
     let job = job_of_a_slab(&server, r#"{"outputs":["thickness.json"]}"#).await;

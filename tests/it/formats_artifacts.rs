@@ -238,7 +238,7 @@ fn quality_has_its_names_per_figure_and_per_structure() {
     assert_eq!(keys(&structure["quality"]["medial_offset"]), ["mean", "p95"]);
     assert_eq!(keys(&structure["thickness_summary"]), ["upper_mm", "lower_mm", "total_mm", "wall_mm", "area_mm2"]);
     assert_eq!(structure["figures"][0]["thickness_summary"]["lower_mm"]["p95"], json!(2.0));
-    assert_eq!(keys(&structure["thickness_summary"]["total_mm"]), ["mean", "sd", "p5", "p50", "p95"]);
+    assert_eq!(keys(&structure["thickness_summary"]["total_mm"]), ["mean", "sd", "p5", "p50", "p95", "min", "max"]);
     // A refused structure has no sheet to take a mean over.
     assert_eq!(document["structures"][1]["thickness_summary"]["total_mm"]["mean"], Value::Null);
 }
@@ -312,7 +312,8 @@ fn a_document_of_before_is_read_and_one_of_another_schema_is_not() {
 fn every_artifact_of_a_record_has_the_bytes_it_had_before() {
     let timings = OuterTimings { read_ms: 1.25, write_ms: 1.0 / 3.0, total_ms: 7.0 };
     let warnings = vec![Warning { code: "no_orientation".into(), message: "none".to_owned() }];
-    let record = Record { model: model(), input: input(), warnings, timings };
+    let record =
+        Record { model: model(), input: input(), warnings, timings, ended_unix_s: Some(1_764_446_400), dicom: None };
     let mut kept = Vec::new();
     record.write(&mut kept).unwrap();
     let read = Record::read(kept.as_slice()).unwrap();
@@ -328,7 +329,9 @@ fn every_artifact_of_a_record_has_the_bytes_it_had_before() {
 
 #[test]
 fn a_record_that_is_damaged_or_of_another_version_is_refused() {
-    let record = Record { model: model(), input: input(), warnings: Vec::new(), timings: OuterTimings::default() };
+    let timings = OuterTimings::default();
+    let record =
+        Record { model: model(), input: input(), warnings: Vec::new(), timings, ended_unix_s: None, dicom: None };
     let mut kept = Vec::new();
     record.write(&mut kept).unwrap();
     assert!(matches!(Record::read(&kept[..kept.len() / 2]), Err(RecordError::Damaged(_))));

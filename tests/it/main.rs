@@ -37,6 +37,10 @@ mod params_told;
 
 mod formats_glb;
 
+mod formats_pages;
+
+mod formats_dicom_results;
+
 mod jobs_process;
 
 mod jobs_blobs;

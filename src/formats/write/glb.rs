@@ -8,10 +8,7 @@ use serde_json::{Map, Value, json};
 use super::colors::viridis_linear;
 use super::gltf::{Gltf, Material, Mesh, Mode};
 use super::rounded::round;
-use crate::cancel::Never;
-use crate::model::{
-    Body, Figure, FigurePatches, LatticeSize, Model, Sheet, Side, Structure, SurfaceMesh, TriangleMesh, Tube, normals,
-};
+use crate::model::{Figure, LatticeSize, Model, Sheet, Side, Structure, SurfaceMesh, TriangleMesh, Tube, normals};
 use crate::numerics::field::id;
 use crate::space::WorldPoint;
 
@@ -49,12 +46,6 @@ pub fn write(model: &Model, out: impl Write) -> io::Result<()> {
     gltf.write(root, out)
 }
 
-/// The closed surface of the smooth surfaces through a figure's nodes.
-fn smooth_closed(body: Body<'_>) -> Option<TriangleMesh> {
-    let (patches, _) = FigurePatches::of(body, &Never).ok()?;
-    patches.body().closed()
-}
-
 fn fields(value: Value) -> Map<String, Value> {
     match value {
         Value::Object(fields) => fields,
@@ -69,11 +60,11 @@ fn add_structure(gltf: &mut Gltf, index: usize, structure: &Structure) -> usize 
     let ranges = Ranges::of(structure);
     let mut children = Vec::new();
     for (number, figure) in structure.figures.iter().enumerate() {
-        let (mut parts, body, kind) = match figure {
-            Figure::Sheet(sheet) => (add_sheet(gltf, sheet, &ranges), Body::Sheet(sheet.into()), "sheet"),
-            Figure::Tube(tube) => (add_tube(gltf, tube, &ranges), Body::Tube(tube.into()), "tube"),
+        let (mut parts, kind) = match figure {
+            Figure::Sheet(sheet) => (add_sheet(gltf, sheet, &ranges), "sheet"),
+            Figure::Tube(tube) => (add_tube(gltf, tube, &ranges), "tube"),
         };
-        let closed = smooth_closed(body).and_then(|mesh| solid_mesh("closed", &mesh, CLOSED));
+        let closed = figure.body().smooth_closed().and_then(|mesh| solid_mesh("closed", &mesh, CLOSED));
         let LatticeSize { rows, cols } = figure.grid();
         let extras = json!({"structure": index, "label": structure.label, "figure": number, "kind": kind,
             "rows": rows, "cols": cols, "has_closed_surface": closed.is_some()});

@@ -9,11 +9,25 @@ mod gltf;
 
 mod ordered;
 
+mod dates;
+
+mod report;
+
+mod png;
+
+mod pdf;
+
+pub mod stl;
+
 pub mod glb;
 
 pub mod thickness;
 
 pub mod tables;
+
+pub mod picture;
+
+pub mod dicom;
 
 pub mod record;
 

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::thickness::{InputFacts, OuterTimings};
+use crate::formats::dicom_origin::DicomOrigin;
 use crate::formats::params_json::{self, ParamsJsonError, params_to_json};
 use crate::model::{Model, Warning};
 
@@ -31,6 +32,10 @@ pub struct Record {
     pub warnings: Vec<Warning>,
     /// How long it took.
     pub timings: OuterTimings,
+    /// When the run ended, seconds since 1970 in UTC; `None` in records of before this was kept.
+    pub ended_unix_s: Option<i64>,
+    /// What DICOM results take over from the object that the mask came in.
+    pub dicom: Option<DicomOrigin>,
 }
 
 /// Why bytes are no record.
@@ -86,6 +91,8 @@ struct Written<'a> {
     input: &'a InputFacts,
     warnings: &'a [Warning],
     timings: OuterTimings,
+    ended_unix_s: Option<i64>,
+    dicom: Option<&'a DicomOrigin>,
     model: &'a Model,
 }
 
@@ -95,6 +102,10 @@ struct Kept {
     input: InputFacts,
     warnings: Vec<Warning>,
     timings: OuterTimings,
+    #[serde(default)]
+    ended_unix_s: Option<i64>,
+    #[serde(default)]
+    dicom: Option<DicomOrigin>,
     model: Model,
 }
 
@@ -109,6 +120,8 @@ impl Record {
             input: &self.input,
             warnings: &self.warnings,
             timings: self.timings,
+            ended_unix_s: self.ended_unix_s,
+            dicom: self.dicom.as_ref(),
             model: &self.model,
         };
         let mut told = Told { out, hash: Sha256::new(), error: None };
@@ -135,6 +148,8 @@ impl Record {
             input: kept.input,
             warnings: kept.warnings,
             timings: kept.timings,
+            ended_unix_s: kept.ended_unix_s,
+            dicom: kept.dicom,
         })
     }
 }

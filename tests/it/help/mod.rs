@@ -10,6 +10,8 @@ pub mod dicom_bytes;
 
 pub mod text_bytes;
 
+pub mod dicom_read;
+
 pub mod phantoms;
 
 pub mod organs;

@@ -112,6 +112,10 @@ pub struct LengthDoc {
     pub p5: Option<Rounded>,
     pub p50: Option<Rounded>,
     pub p95: Option<Rounded>,
+    #[serde(default)]
+    pub min: Option<Rounded>,
+    #[serde(default)]
+    pub max: Option<Rounded>,
 }
 
 impl FigureDoc {
@@ -183,8 +187,8 @@ impl From<ThicknessSummary> for SummaryDoc {
 
 impl From<Option<LengthSummary>> for LengthDoc {
     fn from(summary: Option<LengthSummary>) -> Self {
-        let Some(LengthSummary { mean, sd, p5, p50, p95 }) = summary else { return Self::default() };
-        let [mean, sd, p5, p50, p95] = [mean, sd, p5, p50, p95].map(|length| Some(Rounded(length)));
-        Self { mean, sd, p5, p50, p95 }
+        let Some(LengthSummary { mean, sd, p5, p50, p95, min, max }) = summary else { return Self::default() };
+        let [mean, sd, p5, p50, p95, min, max] = [mean, sd, p5, p50, p95, min, max].map(|length| Some(Rounded(length)));
+        Self { mean, sd, p5, p50, p95, min, max }
     }
 }

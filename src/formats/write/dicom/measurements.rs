@@ -1,0 +1,159 @@
+//! The numbers as a structured report, Comprehensive 3D SR after template 1500: for each structure a group of
+//! measurements (template 1411 by its segment, 1501 where the mask was no DICOM segmentation).
+
+use super::content::{Relation, add_content, code, container, number, segment, text, uid as uid_item};
+use super::dataset::{Code, Dataset, Text};
+use super::document::{evidence, reference};
+use super::instance::{Instance, Kind};
+use super::uid;
+use crate::formats::dicom_origin::SEGMENTED_SERIES;
+use crate::formats::write::record::Record;
+use crate::model::{Structure, Verdict};
+
+const KIND: Kind = Kind {
+    class: "1.2.840.10008.5.1.4.1.1.88.34",
+    modality: "SR",
+    series: 9001,
+    description: "medialrep measurements, not for diagnosis",
+    artifact: "report.sr.dcm",
+};
+
+/// Our own coding scheme: no scheme has a thickness that is measured across a medial sheet.
+const OWN: &str = "99MEDIALREP";
+
+pub(super) const REPORT: Code = Code("126000", "DCM", "Imaging Measurement Report");
+pub(super) const MM: Code = Code("mm", "UCUM", "mm");
+const MM2: Code = Code("mm2", "UCUM", "mm2");
+const MM3: Code = Code("mm3", "UCUM", "mm3");
+
+const THICKNESS: Code = Code("THICKNESS", OWN, "Thickness across medial sheet");
+const SHEET_AREA: Code = Code("SHEETAREA", OWN, "Area of medial sheet");
+const VERDICT: Code = Code("VERDICT", OWN, "Quality verdict");
+const REASON: Code = Code("REASON", OWN, "Reason of quality verdict");
+const VOLUME: Code = Code("118565006", "SCT", "Volume");
+const DERIVATION: Code = Code("121401", "DCM", "Derivation");
+const MEAN: Code = Code("373098007", "SCT", "Mean");
+const DEVIATION: Code = Code("386136009", "SCT", "Standard deviation");
+const MAXIMUM: Code = Code("56851009", "SCT", "Maximum");
+const MINIMUM: Code = Code("255605001", "SCT", "Minimum");
+const MEDIAN: Code = Code("373099004", "SCT", "Median");
+
+/// The object.
+pub(super) fn instance(record: &Record) -> Instance {
+    let mut instance = Instance::new(record, KIND);
+    let mut groups = Vec::new();
+    for (index, structure) in record.model.structures.iter().enumerate() {
+        groups.push(group(&instance, record, (index, structure)));
+    }
+    let set = &mut instance.dataset;
+    set.text((0x0040, 0xa491), Text::Cs, "COMPLETE");
+    set.text((0x0040, 0xa493), Text::Cs, "UNVERIFIED");
+    set.items((0x0008, 0x1111), Vec::new());
+    set.items((0x0040, 0xa372), Vec::new());
+    if let Some(evidence) = record.dicom.as_ref().and_then(evidence) {
+        set.items((0x0040, 0xa375), vec![evidence]);
+    }
+    set.items((0x0008, 0x0110), vec![scheme()]);
+    set.text((0x0040, 0xa040), Text::Cs, "CONTAINER");
+    set.code((0x0040, 0xa043), REPORT);
+    let mut content = head(record);
+    content.push(container(Code("126010", "DCM", "Imaging Measurements"), None, groups));
+    add_content(set, Some("1500"), content);
+    instance
+}
+
+/// Whose codes ours are.
+fn scheme() -> Dataset {
+    let mut scheme = Dataset::default();
+    scheme.text((0x0008, 0x0102), Text::Sh, OWN);
+    scheme.text((0x0008, 0x0115), Text::St, "Codes of medialrep");
+    scheme.text((0x0008, 0x0116), Text::St, "medialrep");
+    scheme
+}
+
+/// Language, observer and procedure.
+fn head(record: &Record) -> Vec<Dataset> {
+    vec![
+        code(
+            Relation::Modifier,
+            Code("121049", "DCM", "Language of Content Item and Descendants"),
+            Code("en", "RFC5646", "English"),
+        ),
+        code(Relation::Context, Code("121005", "DCM", "Observer Type"), Code("121007", "DCM", "Device")),
+        uid_item(Relation::Context, Code("121012", "DCM", "Device Observer UID"), &uid::of(record, "observer")),
+        text(Relation::Context, Code("121013", "DCM", "Device Observer Name"), "medialrep"),
+        text(Relation::Context, Code("121014", "DCM", "Device Observer Manufacturer"), "medialrep"),
+        text(Relation::Context, Code("121015", "DCM", "Device Observer Model Name"), "medialrep"),
+        code(Relation::Modifier, Code("121058", "DCM", "Procedure reported"), Code("363679005", "SCT", "Imaging")),
+    ]
+}
+
+/// The measurements of a structure.
+fn group(instance: &Instance, record: &Record, (index, structure): (usize, &Structure)) -> Dataset {
+    let (mut content, template) = identity(instance, record, (index, structure));
+    content.push(text(Relation::Modifier, Code("111001", "DCM", "Algorithm Name"), "medialrep"));
+    let version = env!("CARGO_PKG_VERSION");
+    content.push(text(Relation::Modifier, Code("111003", "DCM", "Algorithm Version"), version));
+    let summary = structure.thickness_summary();
+    if let Some(total) = summary.total_mm {
+        let statistics = [
+            (total.mean, MEAN),
+            (total.sd, DEVIATION),
+            (total.max, MAXIMUM),
+            (total.min, MINIMUM),
+            (total.p50, MEDIAN),
+        ];
+        for (length_mm, statistic) in statistics {
+            let derivation = code(Relation::Modifier, DERIVATION, statistic);
+            content.extend(number(THICKNESS, length_mm, MM, vec![derivation]));
+        }
+        content.extend(number(SHEET_AREA, summary.area_mm2, MM2, Vec::new()));
+    }
+    content.extend(number(VOLUME, structure.volume_mm3, MM3, Vec::new()));
+    content.push(code(Relation::Contains, VERDICT, verdict(structure)));
+    for reason in reasons(structure) {
+        content.push(text(Relation::Contains, REASON, &reason));
+    }
+    container(Code("125007", "DCM", "Measurement Group"), Some(template), content)
+}
+
+/// What the group is of, and the template that it follows.
+fn identity(
+    instance: &Instance,
+    record: &Record,
+    (index, structure): (usize, &Structure),
+) -> (Vec<Dataset>, &'static str) {
+    let name = structure.name.clone().unwrap_or_else(|| format!("Label {}", structure.label));
+    let mut tracked = text(Relation::Context, Code("112039", "DCM", "Tracking Identifier"), &name);
+    instance.words(&mut tracked, (0x0040, 0xa160), Text::Ut, &name);
+    let tracking = uid::of(record, &format!("tracking {index} {}", structure.label));
+    let mut content = vec![
+        tracked,
+        uid_item(Relation::Context, Code("112040", "DCM", "Tracking Unique Identifier"), &tracking),
+        code(Relation::Contains, Code("121071", "DCM", "Finding"), Code("91723000", "SCT", "Anatomical structure")),
+    ];
+    let origin = record.dicom.as_ref();
+    let source = origin.and_then(|own| Some((reference(own)?, own.uid(SEGMENTED_SERIES)?)));
+    let (Some((reference, series)), Ok(number)) = (source, u16::try_from(structure.label)) else {
+        return (content, "1501");
+    };
+    content.push(segment(Code("121191", "DCM", "Referenced Segment"), reference, number));
+    let series_name = Code("121232", "DCM", "Source series for segmentation");
+    content.push(uid_item(Relation::Contains, series_name, series));
+    (content, "1411")
+}
+
+fn verdict(structure: &Structure) -> Code {
+    match structure.quality.verdict {
+        _ if structure.refusal.is_some() => Code("VERDICT-REFUSED", OWN, "Refused"),
+        Verdict::Pass => Code("VERDICT-PASS", OWN, "Pass"),
+        Verdict::Warn => Code("VERDICT-WARN", OWN, "Warn"),
+        Verdict::Fail => Code("VERDICT-FAIL", OWN, "Fail"),
+    }
+}
+
+fn reasons(structure: &Structure) -> Vec<String> {
+    let mut reasons: Vec<String> = structure.quality.reasons.iter().map(|own| own.message.clone()).collect();
+    reasons.extend(structure.refusal.as_ref().map(ToString::to_string));
+    reasons
+}
