@@ -34,8 +34,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
     let input = InputFacts { sha256: read.sha256, format: read.format.to_owned() };
-    let (warnings, timings) = (Vec::new(), OuterTimings::default());
-    let record = Record { model, input, warnings, timings, ended_unix_s: None, dicom: None };
+    let timings = OuterTimings::default();
+    let record = Record { model, input, warnings: Vec::new(), timings, ended_unix_s: None, dicom: None };
     create_dir_all(&out)?;
     for artifact in &ARTIFACTS {
         let mut file = BufWriter::new(File::create(Path::new(&out).join(artifact.name))?);

@@ -270,6 +270,9 @@ impl Samples {
         let [width, height] = self.size;
         let step = EDGE_STEP * width.max(height) as f64;
         let own = self.near[y * width + x];
+        if own == f64::NEG_INFINITY {
+            return false;
+        }
         let beside = [(x + 1, y), (x.wrapping_sub(1), y), (x, y + 1), (x, y.wrapping_sub(1))];
         beside.into_iter().any(|(x, y)| x < width && y < height && own - self.near[y * width + x] > step)
     }

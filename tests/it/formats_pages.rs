@@ -185,7 +185,7 @@ fn a_report_says_what_was_measured_how_sure_and_from_what() {
         "run 2024-02-29 23:59 UTC",
         "abababababababababababababababababababababababababababababababab",
         "\"prune\":",
-        "90 × 80 × 70 voxels of 1 × 1 × 2 mm",
+        "90 × 80 × 70 voxels of 1.00 × 1.00 × 2.00 mm",
         env!("CARGO_PKG_VERSION"),
     ] {
         assert!(page.contains(wanted), "{wanted} in {page}");

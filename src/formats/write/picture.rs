@@ -21,5 +21,5 @@ pub fn write_png(record: &Record, out: &mut dyn Write) -> io::Result<()> {
 /// # Errors
 /// When writing fails.
 pub fn write_pdf(record: &Record, out: &mut dyn Write) -> io::Result<()> {
-    pdf::write(REPORT_TITLE, &report::pages(record), out)
+    pdf::write(REPORT_TITLE, report::pages(record), out)
 }

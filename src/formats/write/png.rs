@@ -24,8 +24,11 @@ pub fn write(pixels: &Pixels, mut out: impl Write) -> io::Result<()> {
     chunk(*b"IEND", &[], &mut out)
 }
 
-/// Rows as differences to the row above, compressed.
-fn filtered(pixels: &Pixels) -> io::Result<Vec<u8>> {
+/// Rows as differences to the row above, each after the number of that filter, compressed.
+///
+/// # Errors
+/// Never, but for the type of the writer.
+pub(super) fn filtered(pixels: &Pixels) -> io::Result<Vec<u8>> {
     const UP: u8 = 2;
     let mut packed = ZlibEncoder::new(Vec::new(), Compression::default());
     let mut above = vec![0; 3 * pixels.width()];

@@ -6,21 +6,31 @@ use super::fonts;
 use crate::drawing::colors::Rgb;
 use crate::drawing::{Element, Page, Pixels, Typeface};
 
-/// A page as operators.
+/// Glyphs that are used on pages with the character that each stands for, by face.
 #[derive(Default)]
-pub(super) struct Content {
-    pub operators: String,
-    pub pictures: Vec<Pixels>,
-    /// Glyphs with the character that each stands for, by face.
-    used: BTreeMap<Typeface, BTreeMap<u16, char>>,
+pub(super) struct Used(BTreeMap<Typeface, BTreeMap<u16, char>>);
+
+impl Used {
+    /// Those of a face.
+    pub fn of(&self, face: Typeface) -> BTreeMap<u16, char> {
+        self.0.get(&face).cloned().unwrap_or_default()
+    }
 }
 
-impl Content {
-    pub fn of(page: &Page) -> Self {
+/// A page as operators.
+#[derive(Default)]
+pub(super) struct Content<'a> {
+    pub operators: String,
+    pub pictures: Vec<&'a Pixels>,
+}
+
+impl<'a> Content<'a> {
+    /// Of a page; what glyphs it uses is noted.
+    pub fn of(page: &'a Page, used: &mut Used) -> Self {
         let mut content = Self::default();
         for element in &page.elements {
             match element {
-                Element::Words { text, at, letters, color } => content.add_words(text, *at, *letters, *color),
+                Element::Words { text, at, letters, color } => content.add_words(text, *at, (*letters, *color), used),
                 Element::Rectangle { at: [x, y], size: [width, height], color } => {
                     content.say(&format!("{} {x:.2} {y:.2} {width:.2} {height:.2} re f", fill(*color)));
                 }
@@ -31,21 +41,22 @@ impl Content {
         content
     }
 
-    /// The glyphs of a face that were used, with a character for each.
-    pub fn used(&self, face: Typeface) -> BTreeMap<u16, char> {
-        self.used.get(&face).cloned().unwrap_or_default()
-    }
-
     fn say(&mut self, operators: &str) {
         self.operators.push_str(operators);
         self.operators.push('\n');
     }
 
-    fn add_words(&mut self, text: &str, [x, y]: [f64; 2], (face, size): (Typeface, f64), color: Rgb) {
+    fn add_words(
+        &mut self,
+        text: &str,
+        [x, y]: [f64; 2],
+        ((face, size), color): ((Typeface, f64), Rgb),
+        used: &mut Used,
+    ) {
         let mut digits = String::new();
         for character in text.chars() {
             let glyph = face.glyph(character);
-            self.used.entry(face).or_default().entry(glyph).or_insert(character);
+            used.0.entry(face).or_default().entry(glyph).or_insert(character);
             digits.push_str(&format!("{glyph:04X}"));
         }
         let font = fonts::resource(face);
@@ -72,12 +83,12 @@ impl Content {
         self.say(&format!("{path} f"));
     }
 
-    fn add_picture(&mut self, [x, y]: [f64; 2], pixels: &Pixels, dots: f64) {
+    fn add_picture(&mut self, [x, y]: [f64; 2], pixels: &'a Pixels, dots: f64) {
         let [width, height] = [pixels.width(), pixels.height()].map(|count| count as f64 / dots);
         // A picture fills the unit square upwards.
         let number = self.pictures.len();
         self.say(&format!("q {width:.2} 0 0 {:.2} {x:.2} {:.2} cm /I{number} Do Q", -height, y + height));
-        self.pictures.push(pixels.clone());
+        self.pictures.push(pixels);
     }
 }
 

@@ -17,8 +17,8 @@ pub(super) fn resource(face: Typeface) -> &'static str {
     }
 }
 
-/// Adds a face with the glyphs that are used; the number of the font.
-pub(super) fn add(file: &mut File, face: Typeface, used: &BTreeMap<u16, char>) -> io::Result<usize> {
+/// A face as a font with the glyphs that are used; what it consists of is added to the file.
+pub(super) fn font(file: &mut File, face: Typeface, used: &BTreeMap<u16, char>) -> io::Result<String> {
     let (name, measures) = (face.name(), face.measures());
     let program = file.add_stream(&format!("/Length1 {} ", face.bytes().len()), face.bytes())?;
     let [left, bottom, right, top] = measures.bounds.map(f64::round);
@@ -39,10 +39,10 @@ pub(super) fn add(file: &mut File, face: Typeface, used: &BTreeMap<u16, char>) -
          /FontDescriptor {descriptor} 0 R /DW 600 /W [ {widths}] >>"
     ));
     let characters = file.add_stream("", characters(used).as_bytes())?;
-    Ok(file.add(format!(
+    Ok(format!(
         "<< /Type /Font /Subtype /Type0 /BaseFont /{name} /Encoding /Identity-H /DescendantFonts [{glyphs} 0 R] \
          /ToUnicode {characters} 0 R >>"
-    )))
+    ))
 }
 
 /// Which character each glyph stands for, so that words can be searched and copied.

@@ -6,52 +6,57 @@ mod fonts;
 
 mod content;
 
-use std::collections::BTreeMap;
 use std::io::{self, Write};
 
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
 use sha2::{Digest, Sha256};
 
+use super::png;
 use crate::drawing::{Page, Pixels, Typeface};
 use crate::formats::hex;
-use content::Content;
+use content::{Content, Used};
 
 /// A4, points.
 const PAPER: [f64; 2] = [595.0, 842.0];
 
-/// Writes a document of pages, each on a sheet of paper: as wide as that, or smaller where it is too long.
+/// Writes a document of pages, each on a sheet of paper: as wide as that, or smaller where it is too long. Pages are
+/// taken one by one, and their pictures compressed at once: a report may have hundreds.
 ///
 /// # Errors
 /// When writing fails.
-pub fn write(title: &str, pages: &[Page], mut out: impl Write) -> io::Result<()> {
+pub fn write(title: &str, pages: impl IntoIterator<Item = Page>, mut out: impl Write) -> io::Result<()> {
     let mut file = File::default();
-    let catalog = file.reserve();
-    let tree = file.reserve();
-    let contents: Vec<Content> = pages.iter().map(Content::of).collect();
-    let mut fonts = String::new();
-    for face in Typeface::ALL {
-        let mut used = BTreeMap::new();
-        contents.iter().for_each(|content| used.extend(content.used(face)));
-        let font = fonts::add(&mut file, face, &used)?;
-        fonts.push_str(&format!("/{} {font} 0 R ", fonts::resource(face)));
+    let [catalog, tree] = [(); 2].map(|()| file.reserve());
+    let fonts = Typeface::ALL.map(|_| file.reserve());
+    let (mut kids, mut used) = (Vec::new(), Used::default());
+    for page in pages {
+        kids.push(add_page(&mut file, &page, (fonts, tree), &mut used)?);
     }
-    let mut kids = String::new();
-    for (page, content) in pages.iter().zip(&contents) {
-        kids.push_str(&format!("{} 0 R ", add_page(&mut file, (page, content), &fonts, tree)?));
+    for (face, number) in Typeface::ALL.into_iter().zip(fonts) {
+        let font = fonts::font(&mut file, face, &used.of(face))?;
+        file.set(number, font);
     }
-    file.set(tree, format!("<< /Type /Pages /Kids [ {kids}] /Count {} >>", pages.len()).into_bytes());
-    file.set(catalog, format!("<< /Type /Catalog /Pages {tree} 0 R /Lang (en) >>").into_bytes());
+    let count = kids.len();
+    let kids: String = kids.iter().map(|number| format!("{number} 0 R ")).collect();
+    file.set(tree, format!("<< /Type /Pages /Kids [ {kids}] /Count {count} >>"));
+    file.set(catalog, format!("<< /Type /Catalog /Pages {tree} 0 R /Lang (en) >>"));
     let info = file.add(format!("<< /Title {} /Producer (medialrep {}) >>", text(title), env!("CARGO_PKG_VERSION")));
     file.write(catalog, info, &mut out)
 }
 
-fn add_page(file: &mut File, (page, content): (&Page, &Content), fonts: &str, tree: usize) -> io::Result<usize> {
+/// Adds a page; its number.
+fn add_page(file: &mut File, page: &Page, (fonts, tree): ([usize; 2], usize), used: &mut Used) -> io::Result<usize> {
     let [width, height] = page.size;
     let scale = (PAPER[0] / width).min(PAPER[1] / height);
+    let content = Content::of(page, used);
     let mut pictures = String::new();
     for (n, pixels) in content.pictures.iter().enumerate() {
         pictures.push_str(&format!("/I{n} {} 0 R ", add_picture(file, pixels)?));
+    }
+    let mut faces = String::new();
+    for (face, number) in Typeface::ALL.into_iter().zip(fonts) {
+        faces.push_str(&format!("/{} {number} 0 R ", fonts::resource(face)));
     }
     // Upwards from the lower left corner, as the format has it: turned over, from the upper left one.
     let left = (PAPER[0] - scale * width) / 2.0;
@@ -59,18 +64,19 @@ fn add_page(file: &mut File, (page, content): (&Page, &Content), fonts: &str, tr
     let stream = file.add_stream("", [head.as_bytes(), content.operators.as_bytes(), b"Q\n"].concat().as_slice())?;
     Ok(file.add(format!(
         "<< /Type /Page /Parent {tree} 0 R /MediaBox [0 0 {} {}] /Contents {stream} 0 R \
-         /Resources << /Font << {fonts}>> /XObject << {pictures}>> >> >>",
+         /Resources << /Font << {faces}>> /XObject << {pictures}>> >> >>",
         PAPER[0], PAPER[1]
     )))
 }
 
 fn add_picture(file: &mut File, pixels: &Pixels) -> io::Result<usize> {
+    let (width, height) = (pixels.width(), pixels.height());
+    // Predictor 15: rows are filtered as PNG has them, which halves what is left of shaded surfaces.
     let facts = format!(
-        "/Type /XObject /Subtype /Image /Width {} /Height {} /ColorSpace /DeviceRGB /BitsPerComponent 8 ",
-        pixels.width(),
-        pixels.height()
+        "/Type /XObject /Subtype /Image /Width {width} /Height {height} /ColorSpace /DeviceRGB /BitsPerComponent 8 \
+         /DecodeParms << /Predictor 15 /Colors 3 /BitsPerComponent 8 /Columns {width} >> "
     );
-    file.add_stream(&facts, pixels.bytes())
+    Ok(file.add_packed(&facts, &png::filtered(pixels)?))
 }
 
 /// A text as the format has it where it is no content: UTF-16 in hexadecimal digits.
@@ -95,9 +101,9 @@ impl File {
         self.add(String::new())
     }
 
-    fn set(&mut self, number: usize, object: Vec<u8>) {
+    fn set(&mut self, number: usize, object: String) {
         if let Some(place) = number.checked_sub(1).and_then(|n| self.objects.get_mut(n)) {
-            *place = object;
+            *place = object.into_bytes();
         }
     }
 
@@ -111,12 +117,16 @@ impl File {
     fn add_stream(&mut self, facts: &str, bytes: &[u8]) -> io::Result<usize> {
         let mut packed = ZlibEncoder::new(Vec::new(), Compression::default());
         packed.write_all(bytes)?;
-        let packed = packed.finish()?;
+        Ok(self.add_packed(facts, &packed.finish()?))
+    }
+
+    /// The same of bytes that are compressed already.
+    fn add_packed(&mut self, facts: &str, packed: &[u8]) -> usize {
         let mut object = format!("<< {facts}/Filter /FlateDecode /Length {} >>\nstream\n", packed.len()).into_bytes();
         object.extend(packed);
         object.extend(b"\nendstream");
         self.objects.push(object);
-        Ok(self.objects.len())
+        self.objects.len()
     }
 
     fn write(&self, catalog: usize, info: usize, out: &mut impl Write) -> io::Result<()> {

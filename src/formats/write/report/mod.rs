@@ -16,6 +16,8 @@ mod structure;
 
 mod overview;
 
+use rayon::prelude::*;
+
 use super::record::Record;
 use crate::drawing::{Page, Typeface};
 
@@ -42,16 +44,17 @@ pub fn picture(record: &Record) -> Page {
     }
 }
 
+/// Pages that are drawn at a time: as many as machines have cores, and few enough for their memory.
+const AT_A_TIME: usize = 8;
+
 /// A page for each structure, with everything that its verdict rests on; of several structures some before them that
 /// show them together.
-#[must_use]
-pub fn pages(record: &Record) -> Vec<Page> {
-    let mut pages = Vec::new();
-    if record.model.structures.len() > 1 {
-        pages.extend(overview::pages(record));
-    }
-    for structure in &record.model.structures {
-        pages.push(structure::page(record, structure, structure::Detail::Report));
-    }
-    pages
+pub fn pages(record: &Record) -> impl Iterator<Item = Page> + '_ {
+    let structures = &record.model.structures;
+    let overview = if structures.len() > 1 { overview::pages(record) } else { Vec::new() };
+    let each = structures.chunks(AT_A_TIME).flat_map(move |some| {
+        let page = |structure| structure::page(record, structure, structure::Detail::Report);
+        some.par_iter().map(page).collect::<Vec<Page>>()
+    });
+    overview.into_iter().chain(each)
 }
