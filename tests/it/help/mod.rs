@@ -17,3 +17,5 @@ pub mod organs;
 pub mod models;
 
 pub mod support;
+
+pub mod pacs;
