@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::thread::available_parallelism;
 use std::time::Duration;
 
+use crate::dicomweb::PacsConfig;
 use crate::isolation::budget::default_memory_bytes;
 use crate::jobs::limits::{CpuLimits, JobLimits, Retention};
 use crate::jobs::process::InputLimits;
@@ -31,6 +32,8 @@ pub struct ServeConfig {
     pub cors_origins: Vec<String>,
     /// Where webhooks may go and how they are signed; `None` sends none.
     pub webhooks: Option<WebhookConfig>,
+    /// Archives that masks may be fetched from; `None` asks none.
+    pub pacs: Option<PacsConfig>,
 }
 
 impl Default for ServeConfig {
@@ -60,6 +63,7 @@ impl Default for ServeConfig {
             connections: ConnectionLimits::default(),
             cors_origins: Vec::new(),
             webhooks: None,
+            pacs: None,
         }
     }
 }

@@ -43,7 +43,7 @@
 //! the line from file to files: `medialrep run` calls it once, the service calls it from its workers. The page that
 //! people see is in `web`: npm builds it, `http::web` serves it, and it knows of the service what `openapi.yaml` says.
 //!
-//! Dependencies point one way: `cli → http → jobs → {audit, webhook, formats, pipeline} → {drawing, model} → {params,
+//! Dependencies point one way: `cli → http → jobs → {audit, webhook, dicomweb, formats, pipeline} → {drawing, model} → {params,
 //! numerics} → space`, and `drawing → model`. `pipeline`, `numerics` and `space` know no web framework, no file system and no environment; a test holds
 //! that. Stages are plain functions over plain data with one [`pipeline::context::Context`]; progress and cancelling go
 //! through [`pipeline::observer::Observer`].
@@ -111,7 +111,16 @@ pub use run::{RunError, run};
 pub mod problem;
 
 #[cfg(feature = "service")]
+mod media_type;
+
+#[cfg(feature = "service")]
+mod outbound;
+
+#[cfg(feature = "service")]
 pub mod webhook;
+
+#[cfg(feature = "service")]
+pub mod dicomweb;
 
 #[cfg(feature = "service")]
 pub mod audit;

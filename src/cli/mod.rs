@@ -2,6 +2,8 @@
 
 pub mod serve;
 
+mod pacs;
+
 pub mod run;
 
 mod bar;

@@ -16,6 +16,7 @@ use tokio::signal::unix::{SignalKind, signal};
 use tracing_subscriber::EnvFilter;
 
 use super::exit;
+use super::pacs::PacsArgs;
 use crate::config::{ConnectionLimits, ServeConfig, default_workers};
 use crate::http::server;
 use crate::isolation::{Isolation, IsolationLimits};
@@ -59,6 +60,9 @@ pub struct ServeArgs {
 
     #[command(flatten)]
     webhooks: WebhookArgs,
+
+    #[command(flatten)]
+    pacs: PacsArgs,
 
     /// How long running jobs may take to end when the service is told to stop; then they go back to the queue.
     #[arg(long, env = "MEDIALREP_DRAIN_SECONDS", default_value_t = 20, value_name = "SECONDS")]
@@ -254,6 +258,7 @@ impl ServeArgs {
             },
             cors_origins: self.cors_origins.clone(),
             webhooks: self.webhooks.config()?,
+            pacs: self.pacs.config(Duration::from_secs(limits.upload_idle_seconds))?,
         })
     }
 

@@ -9,9 +9,11 @@ use axum::http::{HeaderValue, Method, Response, StatusCode, Uri};
 use axum::response::IntoResponse;
 
 use super::trace;
+use crate::dicomweb::FetchError;
 use crate::formats::params_json::ParamsJsonError;
 use crate::jobs::error::JobsError;
 use crate::jobs::job::JobState;
+use crate::jobs::source::SourceError;
 use crate::jobs::store::StoreError;
 use crate::jobs::upload::UploadError;
 use crate::problem::Problem;
@@ -28,6 +30,13 @@ pub struct ApiError(Box<Problem>);
 impl From<Problem> for ApiError {
     fn from(problem: Problem) -> Self {
         Self(Box::new(problem))
+    }
+}
+
+impl ApiError {
+    /// What is told.
+    pub fn problem(&self) -> &Problem {
+        &self.0
     }
 }
 
@@ -138,6 +147,54 @@ impl From<UploadError> for ApiError {
             UploadError::Storage(error) => files_failed(&error),
         }
     }
+}
+
+impl From<SourceError> for ApiError {
+    fn from(error: SourceError) -> Self {
+        let detail = error.to_string();
+        let problem = match error {
+            SourceError::Upload(error) => return error.into(),
+            SourceError::UnknownServer { known } => return unknown_server(&known),
+            SourceError::Fetch(error) => fetch_failed(error, detail),
+            SourceError::Busy | SourceError::TooSlow => {
+                Problem::new(503, "source_unavailable", detail).hint("send it again after the time in Retry-After")
+            }
+            SourceError::NoSegmentation { .. } => {
+                Problem::new(422, "source_has_no_segmentation", detail).hint("name a series of modality SEG")
+            }
+            SourceError::Several { .. } => Problem::new(422, "source_is_ambiguous", detail)
+                .hint("name the one that is meant in source.dicomweb.instance"),
+            SourceError::TooLarge { .. } => Problem::new(413, "source_too_large", detail).hint(
+                "name the instance in source.dicomweb.instance; if that is too large itself, GET /v1/limits says \
+                       how much is taken",
+            ),
+        };
+        problem.at("source.dicomweb").into()
+    }
+}
+
+/// The status of the archive is told, nothing else that it wrote.
+fn fetch_failed(error: FetchError, detail: String) -> Problem {
+    match error {
+        FetchError::NotFound(_) => Problem::new(422, "source_not_found", detail)
+            .hint("check study, series and instance in the PACS; it may also hide what the service may not see"),
+        FetchError::Refused(_) | FetchError::Redirected(_) => Problem::new(502, "source_refused", detail)
+            .hint("the operator's to look at: URL and credentials of the PACS, and what its account may read"),
+        error if error.is_passing() => Problem::new(503, "source_unavailable", detail)
+            .hint("send it again after the time in Retry-After; if that does not help, the PACS is to be looked at"),
+        FetchError::Unreachable(_) | FetchError::Failed(_) => Problem::new(502, "source_refused", detail)
+            .hint("the operator's to look at: the certificate of the PACS, and --pacs-ca-file"),
+        FetchError::Malformed(_) => Problem::new(502, "source_malformed", detail)
+            .hint("the operator's to look at: the URL is to be that of DICOMweb, below which studies lies"),
+    }
+}
+
+fn unknown_server(known: &[String]) -> ApiError {
+    let hint = match known {
+        [] => "this server asks no PACS: its operator names some with --pacs".to_owned(),
+        known => format!("there are {}", known.join(", ")),
+    };
+    Problem::new(422, "unknown_pacs", "no PACS has this name").at("source.dicomweb.server").hint(hint).into()
 }
 
 impl From<ParamsJsonError> for ApiError {

@@ -15,7 +15,7 @@ use utoipa::IntoParams;
 use super::auth::{Allowed, Read, TokenProblems, TooManyRequests, Write};
 use super::error::{ApiError, NoSuchJob, PROBLEM_JSON};
 use super::extract::{IdParam, JobPath, StrictQuery, has_it, list_header};
-use super::params_schema::{BytesSchema, FormSchema, SubmitQuery};
+use super::params_schema::{BytesSchema, FormSchema, SourceSchema, SubmitQuery};
 use super::submit;
 use super::view::{JobList, JobView};
 use crate::formats::hex;
@@ -38,7 +38,7 @@ const IDEMPOTENT_REPLAYED: HeaderName = HeaderName::from_static("idempotent-repl
 /// Send a mask.
 ///
 /// The mask is the body as it lies on disk (.nii or .nii.gz, told by its first bytes, never by a
-/// header), or the field `mask` of a form. The answer comes once the job is on disk: it survives
+/// header), or the field `mask` of a form, or an instance of a PACS that a JSON body names. The answer comes once the job is on disk: it survives
 /// the loss of power. A mask and parameters that were worked on before are answered with a job that
 /// has succeeded already (`reused`), unless `Cache-Control: no-cache` is sent.
 #[utoipa::path(
@@ -52,7 +52,8 @@ const IDEMPOTENT_REPLAYED: HeaderName = HeaderName::from_static("idempotent-repl
     request_body(content(
         (inline(BytesSchema) = "application/octet-stream"),
         (inline(BytesSchema) = "application/gzip"),
-        (FormSchema = "multipart/form-data")
+        (FormSchema = "multipart/form-data"),
+        (SourceSchema = "application/json")
     )),
     responses(
         (status = 200, body = JobView, description = "The job, which has ended: it was waited for", headers(
@@ -64,14 +65,15 @@ const IDEMPOTENT_REPLAYED: HeaderName = HeaderName::from_static("idempotent-repl
             ("Retry-After" = u32, description = "Seconds until it is worth a look"),
             ("Idempotent-Replayed" = String, description = "`true` when the key was known")
         )),
-        (status = 400, body = Problem, content_type = PROBLEM_JSON, description = "`empty_upload`, `upload_interrupted`, `invalid_multipart`, `invalid_query`, `invalid_idempotency_key`, `malformed_params`; of the file `truncated`, `corrupt_gzip`, `bad_dimensions`, `bad_header_field`, `bad_header_line`, `missing_header_line`"),
+        (status = 400, body = Problem, content_type = PROBLEM_JSON, description = "`empty_upload`, `upload_interrupted`, `invalid_multipart`, `invalid_query`, `invalid_idempotency_key`, `invalid_submission`, `malformed_params`; of the file `truncated`, `corrupt_gzip`, `bad_dimensions`, `bad_header_field`, `bad_header_line`, `missing_header_line`"),
         TokenProblems,
         (status = 408, body = Problem, content_type = PROBLEM_JSON, description = "`upload_too_slow`"),
-        (status = 413, body = Problem, content_type = PROBLEM_JSON, description = "`upload_too_large`, `too_many_voxels`"),
+        (status = 413, body = Problem, content_type = PROBLEM_JSON, description = "`upload_too_large`, `source_too_large`, `too_many_voxels`"),
         (status = 415, body = Problem, content_type = PROBLEM_JSON, description = "`not_nifti`, `two_file_nifti`, `detached_header`, `content_encoding`"),
-        (status = 422, body = Problem, content_type = PROBLEM_JSON, description = "`invalid_params`, `invalid_labels`, `callback_not_allowed`, `idempotency_key_reused`; of the file `several_volumes`, `unsupported_datatype`, `unsupported_header`, `bad_affine`, `unsupported_transfer_syntax`, `not_a_segmentation`, `uneven_slices` and others of DICOM"),
+        (status = 422, body = Problem, content_type = PROBLEM_JSON, description = "`invalid_params`, `invalid_labels`, `callback_not_allowed`, `idempotency_key_reused`; of a source `unknown_pacs`, `invalid_uid`, `source_not_found`, `source_is_ambiguous`, `source_has_no_segmentation`; of the file `several_volumes`, `unsupported_datatype`, `unsupported_header`, `bad_affine`, `unsupported_transfer_syntax`, `not_a_segmentation`, `uneven_slices` and others of DICOM"),
         (status = 429, body = Problem, content_type = PROBLEM_JSON, description = "`queue_share_full`, `too_many_requests`; Retry-After says when to try again"),
-        (status = 503, body = Problem, content_type = PROBLEM_JSON, description = "`queue_full`; Retry-After says when to try again"),
+        (status = 502, body = Problem, content_type = PROBLEM_JSON, description = "`source_refused`, `source_malformed`"),
+        (status = 503, body = Problem, content_type = PROBLEM_JSON, description = "`queue_full`, `source_unavailable`; Retry-After says when to try again"),
         (status = 507, body = Problem, content_type = PROBLEM_JSON, description = "`storage_full`, `storage_low`, `storage_share_full`")
     )
 )]

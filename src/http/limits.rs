@@ -60,6 +60,8 @@ pub struct Limits {
     results: Vec<&'static str>,
     /// Whether webhooks are sent.
     webhooks: bool,
+    /// Whether masks can be fetched from a PACS.
+    pacs: bool,
     /// The parameters as JSON Schema (that of Params), to make a form from: bounds, defaults, descriptions.
     #[schema(value_type = Object)]
     params: Value,
@@ -110,6 +112,7 @@ pub async fn limits(State(jobs): State<Arc<Jobs>>) -> Json<Limits> {
         },
         results: ARTIFACTS.iter().map(|artifact| artifact.name).collect(),
         webhooks: jobs.webhooks().is_some(),
+        pacs: jobs.has_pacs(),
         params: ParamsSchema::json(),
     })
 }

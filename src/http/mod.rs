@@ -45,6 +45,10 @@ mod jobs;
 
 mod submit;
 
+mod source;
+
+mod stow;
+
 mod results;
 
 mod events;
@@ -74,6 +78,7 @@ const CORS_MAX_AGE: Duration = Duration::from_secs(600);
     ),
     tags(
         (name = "jobs", description = "Send a mask, watch its job, take its results."),
+        (name = "dicomweb", description = "Segmentations stored by an archive (STOW-RS)."),
         (name = "samples", description = "Masks to try the service on."),
         (name = "operation", description = "Whether the service works, and what it can do.")
     ),
@@ -166,6 +171,8 @@ fn routes() -> OpenApiRouter<Arc<Jobs>> {
         .routes(routes!(jobs::retry))
         .routes(routes!(results::pick))
         .routes(routes!(results::result))
+        .routes(routes!(stow::store))
+        .routes(routes!(stow::store_in_study))
         .routes(routes!(limits::limits))
         .routes(routes!(samples::samples))
         .routes(routes!(samples::sample))

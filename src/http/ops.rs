@@ -29,6 +29,8 @@ medialrep: a label mask in, its medial sheet, surfaces and thickness vectors out
   POST   /v1/jobs/{id}/cancel          stop it
   POST   /v1/jobs/{id}/retry           run it again
   DELETE /v1/jobs/{id}                 erase it, mask and results
+  POST   /dicom-web/studies            segmentations from a PACS (STOW-RS), a job each
+  POST   /dicom-web/studies/{study}    the same, of one study
   GET    /v1/samples                   masks to try it on
   GET    /v1/samples/{name}            one of them, gzip NIfTI
   GET    /v1/limits                    what is taken in, how long it is kept, and the parameters

@@ -52,15 +52,67 @@ impl PartialSchema for FormSchema {
                     "description": format!("The mask: {}, plain or gzip.", readers::versions())
                 },
                 "params": {"$ref": "#/components/schemas/Params"},
-                "labels": {
-                    "type": "object", "additionalProperties": {"type": "string", "maxLength": 256}, "maxProperties": 16,
-                    "propertyNames": {"type": "string", "pattern": "^[A-Za-z0-9._-]{1,64}$"},
-                    "description": "To find jobs by. No patient data."
+                "labels": labels(),
+                "callback_url": callback_url()
+            }
+        }))
+    }
+}
+
+fn labels() -> Value {
+    json!({
+        "type": "object", "additionalProperties": {"type": "string", "maxLength": 256}, "maxProperties": 16,
+        "propertyNames": {"type": "string", "pattern": "^[A-Za-z0-9._-]{1,64}$"},
+        "description": "To find jobs by. No patient data."
+    })
+}
+
+fn callback_url() -> Value {
+    json!({
+        "type": "string", "format": "uri", "maxLength": 2048,
+        "description": "Where to send a webhook once the job has ended; one that the operator has listed."
+    })
+}
+
+/// The schema of a submission that says where its mask is.
+pub struct SourceSchema;
+
+impl ToSchema for SourceSchema {
+    fn name() -> Cow<'static, str> {
+        "SourceSubmission".into()
+    }
+
+    fn schemas(schemas: &mut Vec<(String, RefOr<Schema>)>) {
+        schemas.push((ParamsSchema::name().into(), ParamsSchema::schema()));
+    }
+}
+
+impl PartialSchema for SourceSchema {
+    fn schema() -> RefOr<Schema> {
+        let uid = |about: &str| json!({"type": "string", "maxLength": 64, "pattern": "^[0-9]+([.][0-9]+)*$", "description": about});
+        let dicomweb = json!({
+            "type": "object",
+            "required": ["server", "study", "series"],
+            "additionalProperties": false,
+            "properties": {
+                "server": {"type": "string", "description": "A PACS, by the name that the operator gave it (`--pacs`)."},
+                "study": uid("Study Instance UID."),
+                "series": uid("Series Instance UID."),
+                "instance": uid("SOP Instance UID; may be left out where the series has one segmentation.")
+            }
+        });
+        schema(json!({
+            "type": "object",
+            "required": ["source"],
+            "additionalProperties": false,
+            "properties": {
+                "source": {
+                    "type": "object", "required": ["dicomweb"], "additionalProperties": false,
+                    "properties": {"dicomweb": dicomweb}
                 },
-                "callback_url": {
-                    "type": "string", "format": "uri", "maxLength": 2048,
-                    "description": "Where to send a webhook once the job has ended; one that the operator has listed."
-                }
+                "params": {"$ref": "#/components/schemas/Params"},
+                "labels": labels(),
+                "callback_url": callback_url()
             }
         }))
     }

@@ -20,6 +20,7 @@ use super::auth::Access;
 use super::connections::{Answering, Connections, PlaceTaken, Watched};
 use super::router;
 use crate::config::{ConnectionLimits, ServeConfig};
+use crate::dicomweb::{Pacs, PacsError};
 use crate::jobs::place::{OpenError, Place};
 use crate::jobs::service::Jobs;
 use crate::jobs::worker::{Processor, Workers};
@@ -37,13 +38,16 @@ pub enum RunError {
     /// Webhooks cannot be sent as configured.
     #[error(transparent)]
     Webhooks(#[from] SenderError),
+    /// A PACS cannot be asked as configured.
+    #[error(transparent)]
+    Pacs(#[from] PacsError),
 }
 
 /// Runs the service on `listener` until `shutdown` is ready, and returns once everything is at
 /// rest: no connection, no job running.
 ///
 /// # Errors
-/// When the data directory cannot be opened, or webhooks cannot be sent as configured.
+/// When the data directory cannot be opened, or webhooks cannot be sent or a PACS asked as configured.
 pub async fn run(
     listener: TcpListener,
     config: &ServeConfig,
@@ -51,7 +55,12 @@ pub async fn run(
     shutdown: impl Future<Output = ()>,
 ) -> Result<(), RunError> {
     let webhooks = config.webhooks.clone().map(Sender::new).transpose()?;
-    let jobs = Arc::new(Jobs::open(&Place::at(&config.data_dir), config.jobs, webhooks).await?);
+    let pacs = config.pacs.clone().map(Pacs::new).transpose()?;
+    let mut jobs = Jobs::open(&Place::at(&config.data_dir), config.jobs, webhooks).await?;
+    if let Some(pacs) = pacs {
+        jobs = jobs.with_pacs(pacs);
+    }
+    let jobs = Arc::new(jobs);
     let workers = Workers::start(&jobs, processor, config.workers);
     let is_local = listener.local_addr().is_ok_and(|address| address.ip().is_loopback());
     let router = router(jobs, Access { cors_origins: config.cors_origins.clone(), is_local });

@@ -1,4 +1,4 @@
-//! Takes a mask and what to do with it out of a request: a raw body or a form.
+//! Takes a mask and what to do with it out of a request: a raw body, a form, or JSON that says where the mask is.
 
 use std::collections::BTreeMap;
 use std::future::Future;
@@ -18,8 +18,9 @@ use futures_util::{Stream, StreamExt};
 use tokio::time::timeout;
 
 use super::error::{ApiError, too_large};
-use super::extract::{has_token, header, list_header, media_range, parameter};
+use super::extract::{has_token, header, list_header, media_range};
 use super::params_schema::SubmitQuery;
+use super::source::SourceSubmission;
 use crate::formats::params_json::MAX_BYTES as MAX_TEXT_BYTES;
 use crate::jobs::caller::Caller;
 use crate::jobs::job::RequestedParams;
@@ -27,6 +28,7 @@ use crate::jobs::service::Jobs;
 use crate::jobs::submission::Submission;
 use crate::jobs::token::{MAX_NAME, is_name};
 use crate::jobs::upload::{self, Received, UploadError};
+use crate::media_type::parameter;
 use crate::problem::Problem;
 
 /// What a form may hold beside the mask.
@@ -58,7 +60,8 @@ pub async fn receive(
 ) -> Result<Submission, ApiError> {
     let headers = request.headers();
     refuse_encoded(headers)?;
-    let is_form = header(headers, CONTENT_TYPE).is_some_and(|kind| media_range(kind).0 == "multipart/form-data");
+    let kind = header(headers, CONTENT_TYPE).map(|kind| media_range(kind).0).unwrap_or_default();
+    let is_form = kind == "multipart/form-data";
     let length = refuse_large(headers, jobs.limits().upload.max_bytes, is_form)?;
     let idempotency_key = idempotency_key(headers)?;
     let may_reuse = !has_token(&list_header(headers, CACHE_CONTROL), "no-cache");
@@ -74,6 +77,9 @@ pub async fn receive(
         let form = Multipart::from_request(bounded(request, Arc::clone(&understood)), &()).await;
         let form = form.map_err(|rejection| invalid_form(rejection.body_text()))?;
         receive_form(jobs, &mut asked, form, &understood).await?
+    } else if kind == "application/json" {
+        let submission = SourceSubmission::read(jobs, request.into_body().into_data_stream()).await?;
+        fetch(jobs, &mut asked, &submission).await?
     } else {
         let body = request.into_body().into_data_stream();
         upload::receive((jobs.blobs(), jobs.limits().min_free_bytes), jobs.limits().upload, body).await?
@@ -100,6 +106,22 @@ impl Asked {
         };
         if is_there { Err(given_twice()) } else { Ok(()) }
     }
+}
+
+/// Fetches the mask of a submission that says where it is. All else that it says is checked first.
+async fn fetch(jobs: &Jobs, asked: &mut Asked, submission: &SourceSubmission) -> Result<Received, ApiError> {
+    let texts = [
+        ("params", submission.params.as_ref().map(|json| json.get())),
+        ("labels", submission.labels.as_ref().map(|json| json.get())),
+        ("callback_url", submission.callback_url.as_deref()),
+    ];
+    for (name, text) in texts {
+        if let Some(text) = text {
+            asked.set(jobs, name, text.as_bytes())?;
+        }
+    }
+    let source = &submission.source.dicomweb;
+    Ok(jobs.fetch(&source.server, &source.wanted()?).await?)
 }
 
 async fn receive_form(
@@ -204,7 +226,7 @@ async fn in_time<T>(jobs: &Jobs, reading: impl Future<Output = T>) -> Result<T, 
 
 /// A body that a proxy or a client compressed on the way would have to be unpacked without a
 /// bound before anything is known of it.
-fn refuse_encoded(headers: &HeaderMap) -> Result<(), ApiError> {
+pub(super) fn refuse_encoded(headers: &HeaderMap) -> Result<(), ApiError> {
     match &list_header(headers, CONTENT_ENCODING) {
         codings if codings.is_empty() || codings.eq_ignore_ascii_case("identity") => Ok(()),
         _ => Err(Problem::new(415, "content_encoding", "the body has a Content-Encoding")

@@ -6,7 +6,7 @@ use serde::Serialize;
 use serde_json::value::RawValue;
 
 use super::params_schema::ParamsSchema;
-use crate::jobs::job::{Callback, CallbackState, CallbackTry, Job, JobState, JobWarning, MaskInfo, ResultFile};
+use crate::jobs::job::{Callback, CallbackState, CallbackTry, Job, JobId, JobState, JobWarning, MaskInfo, ResultFile};
 use crate::jobs::moves::Cause;
 use crate::jobs::service::JobStatus;
 use crate::pipeline::progress::Progress;
@@ -188,11 +188,16 @@ impl JobView {
     }
 }
 
+/// The path of a job.
+pub fn path_of(id: JobId) -> String {
+    format!("/v1/jobs/{id}")
+}
+
 impl From<JobStatus> for JobView {
     fn from(status: JobStatus) -> Self {
         let JobStatus { job, progress, queue_position } = status;
         let Job { id, state, attempt, cancel_requested, .. } = job;
-        let itself = format!("/v1/jobs/{id}");
+        let itself = path_of(id);
         let cancel = state.after(Cause::Cancel).map(|_| format!("{itself}/cancel"));
         let is_retryable = state.after(Cause::Retry).is_some() && job.is_mask_kept;
         let retry = is_retryable.then(|| format!("{itself}/retry"));

@@ -64,6 +64,8 @@ mod storage_health;
 
 pub mod submission;
 
+pub mod source;
+
 pub mod worker;
 
 mod leases;

@@ -26,6 +26,7 @@ use super::store::liveness::Instance;
 use super::store::{CancelAnswer, Lease, ListQuery, QueueLimits, RetryAnswer, Store, StoreError};
 use super::upkeep::Unnamed;
 use crate::audit::{Action, Audit, Entry};
+use crate::dicomweb::Pacs;
 use crate::metrics::{Metrics, Now};
 use crate::pipeline::progress::Progress;
 use crate::webhook::Sender;
@@ -64,6 +65,8 @@ pub struct Jobs {
     audit: Arc<Audit>,
     metrics: Metrics,
     webhooks: Option<Sender>,
+    /// Archives that masks may be fetched from.
+    pub(super) pacs: Option<Pacs>,
     /// Held while a result is made on request.
     making: Mutex<()>,
     unnamed: Mutex<Unnamed>,
@@ -97,6 +100,7 @@ impl Jobs {
             audit: Arc::new(audit),
             metrics: Metrics::new(),
             webhooks,
+            pacs: None,
             making: Mutex::default(),
             unnamed: Mutex::default(),
             storage_health: StorageHealth::default(),

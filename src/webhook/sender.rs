@@ -1,9 +1,7 @@
 //! Sends a message once. No proxy, no redirects, no reuse of connections: each would lead past
 //! the check of the address.
 
-use std::error::Error;
 use std::io;
-use std::iter::successors;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 use std::time::Duration;
@@ -13,13 +11,12 @@ use bytes::Bytes;
 use reqwest::dns::{Addrs, Name, Resolve, Resolving};
 use reqwest::header::CONTENT_TYPE;
 use reqwest::redirect::Policy;
-use reqwest::{Certificate, Client, StatusCode};
+use reqwest::{Client, StatusCode};
 use uuid::Uuid;
 
 use super::signature::Secret;
 use super::targets::{TargetError, Targets};
-
-const USER_AGENT: &str = concat!("medialrep/", env!("CARGO_PKG_VERSION"));
+use crate::outbound::{Fault, USER_AGENT, causes, parse_roots};
 
 /// What a [`Sender`] needs.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -187,7 +184,7 @@ impl Sender {
             .connect_timeout(config.connect)
             .timeout(config.total)
             .dns_resolver(Arc::new(CheckedResolver { resolver, targets: Arc::clone(&targets) }));
-        for root in parse_roots(&config.extra_roots)? {
+        for root in parse_roots(&config.extra_roots).map_err(|_| SenderError::Roots)? {
             client = client.add_root_certificate(root);
         }
         Ok(Self { client: client.build()?, targets, secret: config.secret })
@@ -226,11 +223,6 @@ impl Sender {
         let answer = request.send().await.map_err(fault)?;
         judge(answer.status())
     }
-}
-
-fn parse_roots(pem: &[u8]) -> Result<Vec<Certificate>, SenderError> {
-    let roots = Certificate::from_pem_bundle(pem).map_err(|_| SenderError::Roots)?;
-    if roots.is_empty() && !pem.is_empty() { Err(SenderError::Roots) } else { Ok(roots) }
 }
 
 /// Part of the client, so that it connects to what was checked and to nothing else, whatever the
@@ -284,31 +276,15 @@ fn fault(error: reqwest::Error) -> SendError {
     if let Some(ours) = causes(&error).find_map(|cause| cause.downcast_ref::<SendError>()) {
         return *ours;
     }
-    let fault = if error.is_timeout() {
-        SendError::TimedOut
-    } else if causes(&error).any(<dyn Error>::is::<rustls::Error>) {
-        SendError::TlsFailed
-    } else if error.is_connect() {
-        SendError::ConnectFailed
-    } else {
-        SendError::Interrupted
+    let fault = match Fault::of(&error) {
+        Fault::TimedOut => SendError::TimedOut,
+        Fault::TlsFailed => SendError::TlsFailed,
+        Fault::ConnectFailed => SendError::ConnectFailed,
+        Fault::Interrupted => SendError::Interrupted,
     };
     let cause = causes(&error).last().map(ToString::to_string);
     tracing::info!(code = fault.code(), cause, "a webhook could not be sent");
     fault
-}
-
-/// The error and what caused it.
-fn causes<'a>(error: &'a (dyn Error + 'static)) -> impl Iterator<Item = &'a (dyn Error + 'static)> {
-    successors(Some(error), |error| cause(*error))
-}
-
-/// An I/O error leaves the one that it wraps out of `source`.
-fn cause<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a (dyn Error + 'static)> {
-    match error.downcast_ref::<io::Error>().and_then(io::Error::get_ref) {
-        Some(wrapped) => Some(wrapped),
-        None => error.source(),
-    }
 }
 
 #[cfg(test)]
@@ -326,11 +302,5 @@ mod tests {
         assert_eq!(judged(410), Err(SendError::Gone));
         assert!(SendError::Gone.is_final());
         assert!(!SendError::RefusedStatus(404).is_final());
-    }
-
-    #[test]
-    fn extra_roots_are_certificates_or_nothing() {
-        assert!(parse_roots(b"").unwrap().is_empty());
-        assert!(matches!(parse_roots(b"no certificate"), Err(SenderError::Roots)));
     }
 }

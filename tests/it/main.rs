@@ -116,6 +116,10 @@ mod api_access;
 
 mod api_webhooks;
 
+mod api_sources;
+
+mod api_stow;
+
 mod cli_operate;
 
 mod api_jobs;

@@ -19,3 +19,5 @@ pub mod organs;
 pub mod models;
 
 pub mod support;
+
+pub mod pacs;

@@ -10,6 +10,7 @@ use axum::body::Body;
 use axum::http::{HeaderMap, Method, Request, StatusCode};
 use http_body_util::BodyExt;
 use medialrep::config::ServeConfig;
+use medialrep::dicomweb::Pacs;
 use medialrep::http::auth::Access;
 use medialrep::http::web::{Page, PageFile};
 use medialrep::http::{router, router_with_page};
@@ -70,6 +71,15 @@ impl Server {
     pub async fn open_with(dir: TempDir, limits: JobLimits, webhooks: Option<Sender>) -> Self {
         keep_log();
         let jobs = Arc::new(Jobs::open(&Place::at(dir.path()), limits, webhooks).await.unwrap());
+        Self { router: router(Arc::clone(&jobs), access()), workers: None, jobs, dir }
+    }
+
+    /// With archives that masks may be fetched from.
+    pub async fn with_pacs(limits: JobLimits, pacs: Pacs) -> Self {
+        keep_log();
+        let dir = TempDir::new().unwrap();
+        let jobs = Jobs::open(&Place::at(dir.path()), limits, None).await.unwrap();
+        let jobs = Arc::new(jobs.with_pacs(pacs));
         Self { router: router(Arc::clone(&jobs), access()), workers: None, jobs, dir }
     }
 

@@ -30,6 +30,10 @@ mod frames;
 
 mod rle;
 
+mod uid;
+
+mod identity;
+
 use self::frames::{Frames, Painter, begins_at_bytes};
 use self::geometry::SLICES;
 use self::layers::Layers;
@@ -43,6 +47,8 @@ use super::stream::Stream;
 use crate::space::LabelVolume;
 
 pub use self::error::{DicomError, DicomFault};
+pub use self::identity::{IDENTITY_BYTES, Identity};
+pub use self::uid::Uid;
 
 /// Bytes that [`sniff`] needs to see.
 pub(in crate::formats) const SNIFF_BYTES: usize = PREAMBLE_BYTES;

@@ -13,7 +13,7 @@ use crate::formats::read::error::ReadError;
 use crate::space::VolumeNotice;
 
 /// Classes of objects that are read.
-const SEGMENTATIONS: [&str; 2] = ["1.2.840.10008.5.1.4.1.1.66.4", "1.2.840.10008.5.1.4.1.1.66.7"];
+pub(super) const SEGMENTATIONS: [&str; 2] = ["1.2.840.10008.5.1.4.1.1.66.4", "1.2.840.10008.5.1.4.1.1.66.7"];
 /// Frames: a torso of 117 organs in slices of 1 mm has 100 000. Each takes 32 bytes.
 const MAX_FRAMES: u64 = 1 << 20;
 

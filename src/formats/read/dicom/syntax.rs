@@ -118,6 +118,20 @@ fn has_short_length(kind: [u8; 2]) -> bool {
 /// # Errors
 /// When the group before it is damaged, or the pixels are compressed in a way that is not read.
 pub(super) fn read_transfer(source: &mut Source<'_, '_>) -> Result<Transfer, ReadError> {
+    transfer(read_transfer_uid(source)?)
+}
+
+/// Reads up to the data set; how its elements are written, and whether they are deflated. However pixels are compressed,
+/// the elements are explicit and little endian (PS3.5 annex A.4).
+///
+/// # Errors
+/// When the group before it is damaged.
+pub(super) fn read_element_syntax(source: &mut Source<'_, '_>) -> Result<(Syntax, bool), ReadError> {
+    let known = transfer(read_transfer_uid(source)?);
+    Ok(known.map_or((EXPLICIT, false), |transfer| (transfer.elements, transfer.is_deflated)))
+}
+
+fn read_transfer_uid(source: &mut Source<'_, '_>) -> Result<String, ReadError> {
     source.skip(PREAMBLE_BYTES as u64)?;
     let malformed = |what, at| DicomFault::Malformed { what, at }.at(TagPath::top(Tag::META_LENGTH));
     let start = source.position();
@@ -144,7 +158,7 @@ pub(super) fn read_transfer(source: &mut Source<'_, '_>) -> Result<Transfer, Rea
         }
     }
     let missing = DicomFault::Missing { name: "TransferSyntaxUID" };
-    transfer(found.ok_or_else(|| missing.at(TagPath::top(Tag::TRANSFER_SYNTAX)))?)
+    found.ok_or_else(|| missing.at(TagPath::top(Tag::TRANSFER_SYNTAX)))
 }
 
 fn transfer(uid: String) -> Result<Transfer, ReadError> {

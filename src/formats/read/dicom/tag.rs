@@ -17,6 +17,7 @@ impl Tag {
 
     pub(super) const CHARACTER_SET: Self = Self(0x0008_0005);
     pub(super) const SOP_CLASS: Self = Self(0x0008_0016);
+    pub(super) const SOP_INSTANCE: Self = Self(0x0008_0018);
     pub(super) const CODE_VALUE: Self = Self(0x0008_0100);
     pub(super) const CODE_SCHEME: Self = Self(0x0008_0102);
     pub(super) const CODE_MEANING: Self = Self(0x0008_0104);
@@ -25,6 +26,7 @@ impl Tag {
     pub(super) const REFERENCED_SERIES: Self = Self(0x0008_1115);
     pub(super) const SLICE_THICKNESS: Self = Self(0x0018_0050);
     pub(super) const SPACING_BETWEEN_SLICES: Self = Self(0x0018_0088);
+    pub(super) const STUDY: Self = Self(0x0020_000d);
     pub(super) const SERIES: Self = Self(0x0020_000e);
     pub(super) const POSITION: Self = Self(0x0020_0032);
     pub(super) const ORIENTATION: Self = Self(0x0020_0037);
@@ -101,6 +103,8 @@ pub(super) fn usage(parent: Option<Tag>, tag: Tag) -> Use {
 const TOP_VALUES: &[Tag] = &[
     Tag::CHARACTER_SET,
     Tag::SOP_CLASS,
+    Tag::SOP_INSTANCE,
+    Tag::STUDY,
     Tag::SAMPLES,
     Tag::FRAMES,
     Tag::ROWS,

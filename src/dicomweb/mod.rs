@@ -1,0 +1,14 @@
+//! DICOMweb (PS3.18): instances fetched from an archive ([`client`], WADO-RS), and the bodies in which they come from
+//! there or are stored here (STOW-RS, [`multipart`]).
+//!
+//! Which archives there are is the operator's to say ([`server`]): a client names one, and never gives an address. So
+//! the addresses may lie in any network, and still no client makes this server ask a machine of its choice.
+
+pub mod multipart;
+
+pub mod server;
+
+pub mod client;
+
+pub use client::{FetchError, Pacs, PacsError, Wanted};
+pub use server::{Credentials, PacsConfig, PacsServer, ServerError};
