@@ -14,5 +14,7 @@ pub mod artifacts;
 pub mod write;
 
 pub(crate) use read::stream::hex;
-pub use read::{DicomError, DicomFault, HeaderFacts, IDENTITY_BYTES, Identity, InputLimits, LineFault, ReadError, Uid};
+pub use read::{
+    DicomError, DicomFault, HeaderFacts, IDENTITY_BYTES, Identity, InputLimits, LineFault, ReadError, Uid, read_origin,
+};
 pub use readers::{ReadVolume, read, read_file};

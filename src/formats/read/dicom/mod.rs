@@ -34,6 +34,8 @@ mod uid;
 
 mod identity;
 
+mod origin;
+
 use self::frames::{Frames, Painter, begins_at_bytes};
 use self::geometry::SLICES;
 use self::layers::Layers;
@@ -48,6 +50,7 @@ use crate::space::LabelVolume;
 
 pub use self::error::{DicomError, DicomFault};
 pub use self::identity::{IDENTITY_BYTES, Identity};
+pub use self::origin::read_origin;
 pub use self::uid::Uid;
 
 /// Bytes that [`sniff`] needs to see.

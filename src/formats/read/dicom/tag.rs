@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use super::origin::is_taken_over;
+
 /// Group and element of a DICOM attribute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Tag(pub u32);
@@ -91,10 +93,10 @@ pub(super) fn usage(parent: Option<Tag>, tag: Tag) -> Use {
         Some(Tag::SEGMENT_IDENTIFICATION) => (&[Tag::REFERENCED_SEGMENT], &[]),
         Some(_) => (&[], &[]),
     };
-    if values.contains(&tag) {
-        Use::Value
-    } else if sequences.contains(&tag) {
+    if sequences.contains(&tag) {
         Use::Sequence
+    } else if values.contains(&tag) || (parent.is_none() && is_taken_over(tag)) {
+        Use::Value
     } else {
         Use::None
     }
