@@ -178,6 +178,8 @@ impl Isolation {
             }
             Ok(None) if observer.is_cancelled() => Ok(Ran::Ended(Err(ProcessError::Cancelled))),
             Ok(None) => Ok(Ran::Died(worker.death())),
+            // It was gone before it could be asked.
+            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(Ran::Died(worker.death())),
             Err(error) => {
                 let used = processor_time(worker.child.id());
                 Ok(Ran::Died(Death { used, cause: Cause::Crash(error.to_string()) }))

@@ -3,8 +3,10 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use crate::help::dicom_bytes::{Frame, Seg};
+use crate::help::dicom_bytes::{self, Frame, Seg};
+use crate::help::dicom_read;
 use crate::help::nifti_bytes::Nifti;
+use crate::help::support::CANARY;
 
 fn medialrep(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_medialrep")).args(arguments).output().unwrap()
@@ -65,6 +67,43 @@ fn a_segmentation_gives_the_result_of_the_same_mask() {
     let mut from_nifti = document("mask.nii", nifti.bytes());
     from_nifti["structures"][0]["warnings"].take();
     assert_eq!(from_seg, from_nifti);
+}
+
+/// A slab of 24 × 18 × 6 mm in a segmentation.
+fn slab() -> Seg {
+    let [columns, rows] = [30, 24];
+    let is_in = |x: usize, y: usize| (3..27).contains(&x) && (3..21).contains(&y);
+    let pixels = (0..rows).flat_map(|y| (0..columns).map(move |x| u16::from(is_in(x, y))));
+    let pixels: Vec<u16> = pixels.collect();
+    let frame = |z: i32| Frame { position: [0.0, 0.0, z.into()], segment: 1, pixels: pixels.clone() };
+    let frames = (0..6).map(frame).collect();
+    Seg { columns, rows, frames, spacing: [1.0; 3], segments: vec![1], ..Seg::small() }
+}
+
+#[test]
+fn patient_and_study_of_a_dicom_mask_are_in_its_dicom_results_and_nowhere_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out) = (folder.path().join("seg.dcm"), folder.path().join("out"));
+    let mut dicom = slab().dicom();
+    dicom.set(dicom_bytes::text(0x0008_0005, "CS", "ISO_IR 100"));
+    dicom.set(dicom_bytes::text(0x0010_0010, "PN", CANARY));
+    dicom.set(dicom_bytes::text(0x0020_000d, "UI", "1.2.3.4"));
+    dicom.set(dicom_bytes::text(0x0020_0052, "UI", "1.2.3.5"));
+    std::fs::write(&file, dicom.bytes()).unwrap();
+    let params = r#"{"outputs": ["thickness.json", "model.glb", "report.sr.dcm", "picture.dcm"]}"#;
+    let done = medialrep(&["run", text(&file), "--out", text(&out), "--params", params]);
+    assert_eq!(done.status.code(), Some(0), "{}", String::from_utf8_lossy(&done.stderr));
+    for name in ["report.sr.dcm", "picture.dcm"] {
+        let (_, set) = dicom_read::read(&std::fs::read(out.join(name)).unwrap());
+        assert_eq!(dicom_read::text(&set, 0x0010_0010), CANARY, "{name}");
+        assert_eq!(dicom_read::text(&set, 0x0020_000d), "1.2.3.4", "{name}");
+    }
+    for name in ["thickness.json", "model.glb"] {
+        let bytes = std::fs::read(out.join(name)).unwrap();
+        assert!(!bytes.windows(CANARY.len()).any(|window| window == CANARY.as_bytes()), "{name}");
+    }
+    let told = [done.stdout, done.stderr].concat();
+    assert!(!String::from_utf8_lossy(&told).contains(CANARY));
 }
 
 #[test]
