@@ -6,6 +6,9 @@ use libfuzzer_sys::fuzz_target;
 
 #[path = "../bodies/mask.rs"]
 mod body;
+#[allow(dead_code, reason = "as above")]
+#[path = "../../tests/it/help/dicom_bytes.rs"]
+mod dicom_bytes;
 #[path = "../memory.rs"]
 mod memory;
 #[allow(dead_code, reason = "the seeds of the other targets are there too")]
@@ -14,9 +17,6 @@ mod nifti_bytes;
 #[allow(dead_code, reason = "as above")]
 #[path = "../seeds.rs"]
 mod seeds;
-#[allow(dead_code, reason = "as above")]
-#[path = "../../tests/it/help/dicom_bytes.rs"]
-mod dicom_bytes;
 #[allow(dead_code, reason = "as above")]
 #[path = "../../tests/it/help/text_bytes.rs"]
 mod text_bytes;
