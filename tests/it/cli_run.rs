@@ -89,6 +89,11 @@ fn patient_and_study_of_a_dicom_mask_are_in_its_dicom_results_and_nowhere_else()
     dicom.set(dicom_bytes::text(0x0010_0010, "PN", CANARY));
     dicom.set(dicom_bytes::text(0x0020_000d, "UI", "1.2.3.4"));
     dicom.set(dicom_bytes::text(0x0020_0052, "UI", "1.2.3.5"));
+    let code = [(0x0008_0100, "SH", "64033007"), (0x0008_0102, "SH", "SCT"), (0x0008_0104, "LO", "Kidney")];
+    let code = code.map(|(tag, kind, value)| dicom_bytes::text(tag, kind, value)).to_vec();
+    let segment = &mut dicom.items(0x0062_0002)[0];
+    segment.retain(|element| element.0 != 0x0062_000f);
+    segment.push(dicom_bytes::sequence(0x0062_000f, vec![code]));
     std::fs::write(&file, dicom.bytes()).unwrap();
     let params = r#"{"outputs": ["thickness.json", "model.glb", "report.sr.dcm", "picture.dcm"]}"#;
     let done = medialrep(&["run", text(&file), "--out", text(&out), "--params", params]);
@@ -98,6 +103,11 @@ fn patient_and_study_of_a_dicom_mask_are_in_its_dicom_results_and_nowhere_else()
         assert_eq!(dicom_read::text(&set, 0x0010_0010), CANARY, "{name}");
         assert_eq!(dicom_read::text(&set, 0x0020_000d), "1.2.3.4", "{name}");
     }
+    let (_, report) = dicom_read::read(&std::fs::read(out.join("report.sr.dcm")).unwrap());
+    let groups = dicom_read::sequence(dicom_read::sequence(&report, 0x0040_a730).last().unwrap(), 0x0040_a730);
+    let finding = dicom_read::sequence(&groups[0], 0x0040_a730).iter();
+    let findings: Vec<_> = finding.filter(|item| dicom_read::code(item, 0x0040_a043) == "121071").collect();
+    assert_eq!(dicom_read::code(findings[0], 0x0040_a168), "64033007");
     for name in ["thickness.json", "model.glb"] {
         let bytes = std::fs::read(out.join(name)).unwrap();
         assert!(!bytes.windows(CANARY.len()).any(|window| window == CANARY.as_bytes()), "{name}");

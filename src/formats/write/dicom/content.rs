@@ -22,7 +22,7 @@ impl Relation {
     }
 }
 
-fn item(relation: Relation, kind: &str, name: Code) -> Dataset {
+fn item(relation: Relation, kind: &str, name: Code<'_>) -> Dataset {
     let mut item = Dataset::default();
     item.text((0x0040, 0xa010), Text::Cs, relation.name());
     item.text((0x0040, 0xa040), Text::Cs, kind);
@@ -30,27 +30,27 @@ fn item(relation: Relation, kind: &str, name: Code) -> Dataset {
     item
 }
 
-pub(super) fn code(relation: Relation, name: Code, value: Code) -> Dataset {
+pub(super) fn code(relation: Relation, name: Code<'_>, value: Code<'_>) -> Dataset {
     let mut item = item(relation, "CODE", name);
     item.code((0x0040, 0xa168), value);
     item
 }
 
 /// A text in the letters that every character set has; others are set by the caller.
-pub(super) fn text(relation: Relation, name: Code, value: &str) -> Dataset {
+pub(super) fn text(relation: Relation, name: Code<'_>, value: &str) -> Dataset {
     let mut item = item(relation, "TEXT", name);
     item.ascii((0x0040, 0xa160), Text::Ut, value);
     item
 }
 
-pub(super) fn uid(relation: Relation, name: Code, value: &str) -> Dataset {
+pub(super) fn uid(relation: Relation, name: Code<'_>, value: &str) -> Dataset {
     let mut item = item(relation, "UIDREF", name);
     item.text((0x0040, 0xa124), Text::Ui, value);
     item
 }
 
 /// A measured number; `None` of what is none.
-pub(super) fn number(name: Code, value: f64, unit: Code, modifiers: Vec<Dataset>) -> Option<Dataset> {
+pub(super) fn number(name: Code<'_>, value: f64, unit: Code<'_>, modifiers: Vec<Dataset>) -> Option<Dataset> {
     let mut measured = Dataset::default();
     measured.text((0x0040, 0xa30a), Text::Ds, &decimal(value)?);
     measured.code((0x0040, 0x08ea), unit);
@@ -62,7 +62,7 @@ pub(super) fn number(name: Code, value: f64, unit: Code, modifiers: Vec<Dataset>
     Some(item)
 }
 
-pub(super) fn container(name: Code, template: Option<&str>, content: Vec<Dataset>) -> Dataset {
+pub(super) fn container(name: Code<'_>, template: Option<&str>, content: Vec<Dataset>) -> Dataset {
     let mut item = item(Relation::Contains, "CONTAINER", name);
     add_content(&mut item, template, content);
     item
@@ -81,7 +81,7 @@ pub(super) fn add_content(set: &mut Dataset, template: Option<&str>, content: Ve
 }
 
 /// A segment of the object that the mask came in.
-pub(super) fn segment(name: Code, mut reference: Dataset, number: u16) -> Dataset {
+pub(super) fn segment(name: Code<'_>, mut reference: Dataset, number: u16) -> Dataset {
     reference.short((0x0062, 0x000b), number);
     let mut item = item(Relation::Contains, "IMAGE", name);
     item.items((0x0008, 0x1199), vec![reference]);

@@ -121,7 +121,7 @@ impl Dataset {
     }
 
     /// A code as the only item of a sequence.
-    pub fn code(&mut self, tag: Tag, code: Code) {
+    pub fn code(&mut self, tag: Tag, code: Code<'_>) {
         self.items(tag, vec![code.item()]);
     }
 
@@ -193,9 +193,9 @@ fn length(bytes: usize) -> [u8; 4] {
 
 /// A code of a coding scheme with its meaning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Code(pub &'static str, pub &'static str, pub &'static str);
+pub(super) struct Code<'a>(pub &'a str, pub &'a str, pub &'a str);
 
-impl Code {
+impl Code<'_> {
     pub fn item(self) -> Dataset {
         let Self(value, scheme, meaning) = self;
         let mut item = Dataset::default();

@@ -49,7 +49,7 @@ pub(super) fn pdf(record: &Record) -> io::Result<Instance> {
 /// # Errors
 /// When they have more bytes than the format can tell.
 pub(super) fn stl(record: &Record) -> io::Result<Instance> {
-    const MODEL: Code = Code("85040-4", "LN", "Segmented model");
+    const MODEL: Code<'static> = Code("85040-4", "LN", "Segmented model");
     let mut instance = Instance::new(record, STL);
     let set = &mut instance.dataset;
     set.text((0x0028, 0x0301), Text::Cs, "NO");

@@ -9,6 +9,7 @@ use super::uid;
 use crate::formats::dicom_origin::SEGMENTED_SERIES;
 use crate::formats::write::record::Record;
 use crate::model::{Structure, Verdict};
+use crate::space::LabelCode;
 
 const KIND: Kind = Kind {
     class: "1.2.840.10008.5.1.4.1.1.88.34",
@@ -21,22 +22,22 @@ const KIND: Kind = Kind {
 /// Our own coding scheme: no scheme has a thickness that is measured across a medial sheet.
 const OWN: &str = "99MEDIALREP";
 
-pub(super) const REPORT: Code = Code("126000", "DCM", "Imaging Measurement Report");
-pub(super) const MM: Code = Code("mm", "UCUM", "mm");
-const MM2: Code = Code("mm2", "UCUM", "mm2");
-const MM3: Code = Code("mm3", "UCUM", "mm3");
+pub(super) const REPORT: Code<'static> = Code("126000", "DCM", "Imaging Measurement Report");
+pub(super) const MM: Code<'static> = Code("mm", "UCUM", "mm");
+const MM2: Code<'static> = Code("mm2", "UCUM", "mm2");
+const MM3: Code<'static> = Code("mm3", "UCUM", "mm3");
 
-const THICKNESS: Code = Code("THICKNESS", OWN, "Thickness across medial sheet");
+const THICKNESS: Code<'static> = Code("THICKNESS", OWN, "Thickness across medial sheet");
 const SHEET_AREA: Code = Code("SHEETAREA", OWN, "Area of medial sheet");
-const VERDICT: Code = Code("VERDICT", OWN, "Quality verdict");
-const REASON: Code = Code("REASON", OWN, "Reason of quality verdict");
-const VOLUME: Code = Code("118565006", "SCT", "Volume");
-const DERIVATION: Code = Code("121401", "DCM", "Derivation");
-const MEAN: Code = Code("373098007", "SCT", "Mean");
-const DEVIATION: Code = Code("386136009", "SCT", "Standard deviation");
-const MAXIMUM: Code = Code("56851009", "SCT", "Maximum");
-const MINIMUM: Code = Code("255605001", "SCT", "Minimum");
-const MEDIAN: Code = Code("373099004", "SCT", "Median");
+const VERDICT: Code<'static> = Code("VERDICT", OWN, "Quality verdict");
+const REASON: Code<'static> = Code("REASON", OWN, "Reason of quality verdict");
+const VOLUME: Code<'static> = Code("118565006", "SCT", "Volume");
+const DERIVATION: Code<'static> = Code("121401", "DCM", "Derivation");
+const MEAN: Code<'static> = Code("373098007", "SCT", "Mean");
+const DEVIATION: Code<'static> = Code("386136009", "SCT", "Standard deviation");
+const MAXIMUM: Code<'static> = Code("56851009", "SCT", "Maximum");
+const MINIMUM: Code<'static> = Code("255605001", "SCT", "Minimum");
+const MEDIAN: Code<'static> = Code("373099004", "SCT", "Median");
 
 /// The object.
 pub(super) fn instance(record: &Record) -> Instance {
@@ -130,7 +131,7 @@ fn identity(
     let mut content = vec![
         tracked,
         uid_item(Relation::Context, Code("112040", "DCM", "Tracking Unique Identifier"), &tracking),
-        code(Relation::Contains, Code("121071", "DCM", "Finding"), Code("91723000", "SCT", "Anatomical structure")),
+        code(Relation::Contains, Code("121071", "DCM", "Finding"), finding(structure)),
     ];
     let origin = record.dicom.as_ref();
     let source = origin.and_then(|own| Some((reference(own)?, own.uid(SEGMENTED_SERIES)?)));
@@ -143,7 +144,19 @@ fn identity(
     (content, "1411")
 }
 
-fn verdict(structure: &Structure) -> Code {
+/// What the structure is: by the code that the source gives it, where that can be written with the letters and the length
+/// that a code of a report has.
+fn finding(structure: &Structure) -> Code<'_> {
+    /// Characters of a value and of a scheme, and of a meaning.
+    const MOST_CHARS: [usize; 3] = [16, 16, 64];
+    const ANY: Code<'static> = Code("91723000", "SCT", "Anatomical structure");
+    let Some(LabelCode { value, scheme, meaning }) = &structure.code else { return ANY };
+    let texts = [value, scheme, meaning].map(String::as_str);
+    let is_fit = |(text, most): (&str, usize)| text.is_ascii() && (1..=most).contains(&text.len());
+    if texts.into_iter().zip(MOST_CHARS).all(is_fit) { Code(value, scheme, meaning) } else { ANY }
+}
+
+fn verdict(structure: &Structure) -> Code<'static> {
     match structure.quality.verdict {
         _ if structure.refusal.is_some() => Code("VERDICT-REFUSED", OWN, "Refused"),
         Verdict::Pass => Code("VERDICT-PASS", OWN, "Pass"),
