@@ -6,22 +6,13 @@ use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
 
+use self::common::{memory, seeds};
+
 #[path = "../bodies/multipart.rs"]
 mod body;
-#[allow(dead_code, reason = "the seeds of the other targets are there too")]
-#[path = "../../tests/it/help/dicom_bytes.rs"]
-mod dicom_bytes;
-#[path = "../memory.rs"]
-mod memory;
-#[allow(dead_code, reason = "the seeds of the other targets are there too")]
-#[path = "../../tests/it/help/nifti_bytes.rs"]
-mod nifti_bytes;
-#[allow(dead_code, reason = "as above")]
-#[path = "../seeds.rs"]
-mod seeds;
-#[allow(dead_code, reason = "as above")]
-#[path = "../../tests/it/help/text_bytes.rs"]
-mod text_bytes;
+#[allow(dead_code, reason = "each target needs some of it")]
+#[path = "../common.rs"]
+mod common;
 
 /// Buffers of the header check, and the connections to the database.
 const FIXED: usize = 1 << 19;

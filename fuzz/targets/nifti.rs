@@ -4,22 +4,13 @@
 
 use libfuzzer_sys::fuzz_target;
 
+use self::common::{memory, seeds};
+
 #[path = "../bodies/mask.rs"]
 mod body;
-#[allow(dead_code, reason = "the seeds of the other targets are there too")]
-#[path = "../../tests/it/help/dicom_bytes.rs"]
-mod dicom_bytes;
-#[path = "../memory.rs"]
-mod memory;
-#[allow(dead_code, reason = "as above")]
-#[path = "../../tests/it/help/nifti_bytes.rs"]
-mod nifti_bytes;
-#[allow(dead_code, reason = "as above")]
-#[path = "../seeds.rs"]
-mod seeds;
-#[allow(dead_code, reason = "as above")]
-#[path = "../../tests/it/help/text_bytes.rs"]
-mod text_bytes;
+#[allow(dead_code, reason = "each target needs some of it")]
+#[path = "../common.rs"]
+mod common;
 
 /// Buffers, the inflater, the table of two-byte values.
 const FIXED: usize = 1 << 20;

@@ -1,4 +1,4 @@
-//! Erases what has been kept long enough, sweeps what no job names, and tries whether writes still go.
+//! Erases what has been kept long enough, and sweeps what no job names.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -32,7 +32,6 @@ pub(super) async fn keep(jobs: Arc<Jobs>) {
     let mut swept = Instant::now();
     loop {
         ticks.tick().await;
-        jobs.try_storage().await;
         if let Err(error) = erase_due(&jobs).await {
             tracing::error!(%error, "what is due cannot be erased");
         }

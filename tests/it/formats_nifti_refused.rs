@@ -6,6 +6,7 @@ use medialrep::formats::{InputLimits, ReadError, read};
 use medialrep::problem::Problem;
 
 use crate::help::nifti_bytes::{Nifti, gzip};
+use crate::help::reading::Counting;
 
 fn refusal(bytes: &[u8]) -> Problem {
     Problem::from(&read(bytes, InputLimits::default()).unwrap_err())
@@ -199,17 +200,6 @@ fn a_megabyte_may_follow_the_voxels_and_no_more() {
     after_gzip.extend(vec![7; (1 << 20) + 1]);
     for file in [with_tail((1 << 20) + 1), gzip(&with_tail((1 << 20) + 1)), after_gzip] {
         check_refused("a long tail", &file, "trailing_data", 400, "byte 376");
-    }
-}
-
-/// A reader that counts what is taken from it.
-struct Counting<'a>(&'a [u8], &'a mut usize);
-
-impl Read for Counting<'_> {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        let count = self.0.read(buffer)?;
-        *self.1 += count;
-        Ok(count)
     }
 }
 

@@ -1,33 +1,14 @@
 //! What the NRRD reader reads, from files made here.
 
-use medialrep::formats::{InputLimits, ReadVolume, read};
+use medialrep::formats::{InputLimits, read};
 use medialrep::space::{Label, LabelVolume};
-use nalgebra::{Point3, Vector3};
 
 use crate::help::nifti_bytes::gzip;
+use crate::help::reading::{check_place, read_all, values};
 use crate::help::text_bytes::{TextFile, stored};
-
-#[track_caller]
-fn read_all(file: &TextFile) -> ReadVolume {
-    read(file.bytes().as_slice(), InputLimits::default()).unwrap()
-}
 
 fn codes(volume: &LabelVolume) -> Vec<&'static str> {
     volume.notices().iter().map(|notice| notice.code).collect()
-}
-
-fn values(volume: &LabelVolume) -> Vec<i64> {
-    let value = |index: &u16| volume.label(*index).map_or(0, |label| label.value);
-    volume.indices().as_slice().iter().map(value).collect()
-}
-
-#[track_caller]
-fn check_place(file: &TextFile, first: [f64; 3], last: [f64; 3]) {
-    let world_from_voxel = read_all(file).volume.world_from_voxel();
-    for (voxel, expected) in [([0.0; 3], first), ([3.0, 2.0, 1.0], last)] {
-        let found = world_from_voxel.point(Point3::from(voxel)).coords;
-        assert!((found - Vector3::from(expected)).norm() < 1e-12, "{voxel:?}: {found} instead of {expected:?}");
-    }
 }
 
 #[test]

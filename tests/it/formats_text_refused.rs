@@ -1,6 +1,5 @@
 //! What the readers of headers of text refuse, NRRD and MetaImage: one literal input per case.
 
-use std::io::Read;
 use std::time::Instant;
 
 use medialrep::formats::readers::{check_header, check_magic};
@@ -8,6 +7,7 @@ use medialrep::formats::{InputLimits, read};
 use medialrep::problem::Problem;
 
 use crate::help::nifti_bytes::gzip;
+use crate::help::reading::Counting;
 use crate::help::text_bytes::{TextFile, zlib};
 
 fn refusal(bytes: &[u8]) -> Problem {
@@ -275,17 +275,6 @@ fn hostile_headers_are_refused_in_time() {
     let claim = TextFile::metaimage().with("DimSize", "800 800 800");
     assert_eq!(refusal(&claim.bytes()).code, "truncated");
     assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
-}
-
-/// A reader that counts what is taken from it.
-struct Counting<'a>(&'a [u8], &'a mut usize);
-
-impl Read for Counting<'_> {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        let count = self.0.read(buffer)?;
-        *self.1 += count;
-        Ok(count)
-    }
 }
 
 #[test]

@@ -410,8 +410,7 @@ impl Blobs {
     pub async fn check_writable(&self) -> io::Result<()> {
         let blobs = self.clone();
         on_own_thread(move || {
-            // Beside the folders of jobs, where it is taken for nothing of theirs.
-            let mut file = NamedTempFile::new_in(&blobs.root)?;
+            let mut file = blobs.begin_upload()?;
             io::Write::write_all(&mut file, b"ready")?;
             file.as_file().sync_all()
         })
@@ -435,7 +434,8 @@ impl Blobs {
         if path.exists() || !self.room()?.has(min_free_bytes.saturating_add(2 * RESERVE_BYTES)) {
             return Ok(());
         }
-        let file = NamedTempFile::new_in(&self.root)?;
+        // What a killed process leaves of it is swept with its other scratch files.
+        let file = self.begin_upload()?;
         // Written, not only asked for: some file systems promise the same room to others.
         let zeros = vec![0; usize::try_from(RESERVE_BYTES).map_err(io::Error::other)?];
         io::Write::write_all(&mut file.as_file(), &zeros)?;

@@ -21,3 +21,5 @@ pub mod models;
 pub mod support;
 
 pub mod pacs;
+
+pub mod reading;

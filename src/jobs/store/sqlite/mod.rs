@@ -44,6 +44,9 @@ const READ_CONNECTIONS: u32 = 4;
 /// How long a connection waits for a lock that another process, a backup or a checkpoint holds.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
 
+/// How long it is waited for the connection that writes hastily: where the file cannot be opened to be written, it is tried
+/// again all this time.
+const HASTY_TIMEOUT: Duration = Duration::from_secs(2);
 /// How long the wiping of deleted rows waits for readers.
 const WIPE_TIMEOUT: Duration = Duration::from_millis(200);
 
@@ -90,6 +93,8 @@ impl SqliteStore {
         let hasty = options.synchronous(SqliteSynchronous::Normal);
         let hasty = SqlitePoolOptions::new()
             .max_connections(1)
+            // Who waits for it holds up all that write.
+            .acquire_timeout(HASTY_TIMEOUT)
             .after_connect(|connection, _| Box::pin(is_writable(connection)))
             .connect_lazy_with(hasty);
         Ok(Self { writer, hasty, reader })
