@@ -16,6 +16,7 @@ use medialrep::formats::artifacts::ARTIFACTS;
 use medialrep::formats::write::record::Record;
 use medialrep::formats::write::thickness::{InputFacts, OuterTimings};
 use medialrep::formats::{InputLimits, read_file};
+use medialrep::model::Warning;
 use medialrep::params::{GridChoice, Params};
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -34,10 +35,14 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
     let input = InputFacts { sha256: read.sha256, format: read.format.to_owned() };
+    let mut warnings = Vec::new();
+    for notice in read.volume.into_notices() {
+        warnings.push(Warning { code: notice.code.into(), message: notice.message });
+    }
     let timings = OuterTimings::default();
-    let record = Record { model, input, warnings: Vec::new(), timings, ended_unix_s: None, dicom: None };
+    let record = Record { model, input, warnings, timings, ended_unix_s: None, dicom: read.origin };
     create_dir_all(&out)?;
-    for artifact in &ARTIFACTS {
+    for artifact in ARTIFACTS.iter().filter(|artifact| artifact.is_default) {
         let mut file = BufWriter::new(File::create(Path::new(&out).join(artifact.name))?);
         (artifact.write)(&record, &mut file)?;
         file.flush()?;

@@ -4,7 +4,7 @@
 use std::io::Write;
 
 use medialrep::formats::readers::{check_header, check_magic};
-use medialrep::formats::{InputLimits, ReadError, ReadVolume, read, read_file};
+use medialrep::formats::{Identity, InputLimits, ReadError, ReadVolume, read, read_file};
 use tempfile::NamedTempFile;
 
 /// Small, so that inputs of a few kilobytes reach them.
@@ -17,6 +17,8 @@ pub fn check(bytes: &[u8]) {
     let mut file = NamedTempFile::new().unwrap();
     file.write_all(bytes).unwrap();
     let header = check_header(file.path(), LIMITS);
+    // Of anything, as archives send it.
+    let _ = Identity::of(bytes);
     match (read_file(file.path(), LIMITS, &medialrep::cancel::Never), header) {
         (Ok(found), Ok(facts)) => {
             assert_eq!(facts.voxels, found.volume.indices().as_slice().len() as u64);

@@ -5,8 +5,8 @@ use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
 use super::cause;
-use crate::formats::InputLimits;
 use crate::formats::readers::check_header;
+use crate::formats::{InputLimits, ReadError};
 use crate::problem::Problem;
 
 pub(super) const CHECK_PATH: &str = "check the path";
@@ -34,12 +34,20 @@ pub(super) fn find_mask(path: &Path) -> Result<PathBuf, Box<Problem>> {
     list(path, MOST_FOLDERS, &mut files).map_err(|error| unreadable(path, &error))?;
     if files.len() > MOST_FILES {
         let detail = format!("the folder {} holds more than {MOST_FILES} files", path.display());
-        return Err(problem("several_masks", detail, "name the mask, or the folder of its series"));
+        return Err(problem("too_many_files", detail, "name the mask, or the folder of its series"));
     }
     // The order of a folder differs from disk to disk.
     files.sort();
     let looked_at = files.len();
-    let mut masks: Vec<PathBuf> = files.into_iter().filter(|file| is_mask(file)).collect();
+    let mut masks = Vec::new();
+    for file in files {
+        match check_header(&file, InputLimits::default()) {
+            Ok(_) => masks.push(file),
+            // It may be the mask.
+            Err(ReadError::Io(error)) => return Err(unreadable(&file, &error)),
+            Err(_) => {}
+        }
+    }
     match masks.len() {
         0 => {
             let detail = format!("none of the {looked_at} files in the folder {} is a mask", path.display());
@@ -70,10 +78,6 @@ fn list(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> io::Result<()>
         }
     }
     Ok(())
-}
-
-fn is_mask(file: &Path) -> bool {
-    check_header(file, InputLimits::default()).is_ok()
 }
 
 fn unreadable(path: &Path, error: &io::Error) -> Box<Problem> {

@@ -153,12 +153,13 @@ fn sentence(problem: &Problem) -> String {
 }
 
 fn exit_code(problem: &Problem) -> u8 {
-    const USAGE_CODES: [&str; 8] = [
+    const USAGE_CODES: [&str; 9] = [
         "malformed_params",
         "invalid_params",
         "cannot_open_mask",
         "no_mask_in_folder",
         "several_masks",
+        "too_many_files",
         "cannot_make_folder",
         "cannot_write_folder",
         "cannot_open_params",

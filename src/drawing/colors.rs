@@ -33,12 +33,13 @@ pub fn viridis_shares(share: f64) -> Option<[f64; 3]> {
     Some(std::array::from_fn(|n| (low[n] + (high[n] - low[n]) * between) / 255.0))
 }
 
+/// What has no number: no colour of the map, so that it is seen.
+pub const NO_THICKNESS: Rgb = [150; 3];
+
 /// The same as a colour; grey for what is no number.
 #[must_use]
 pub fn viridis(share: f64) -> Rgb {
-    /// No colour of the map, so that it is seen.
-    const NO_VALUE: Rgb = [150; 3];
-    viridis_shares(share).map_or(NO_VALUE, |shares| shares.map(|part| byte(255.0 * part)))
+    viridis_shares(share).map_or(NO_THICKNESS, |shares| shares.map(|part| byte(255.0 * part)))
 }
 
 /// The colour of the thing of that number; they come again after seven.

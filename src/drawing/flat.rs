@@ -8,9 +8,9 @@ use super::view::View;
 use crate::space::WorldPoint;
 
 /// Where light comes from: from the left, above, and the eye.
-pub(super) const LIGHT: [f64; 3] = [-0.35, 0.55, 0.76];
+const LIGHT: [f64; 3] = [-0.35, 0.55, 0.76];
 /// How much of its colour a face keeps that light does not reach.
-pub(super) const SHADE: f64 = 0.55;
+const SHADE: f64 = 0.55;
 /// How much of its colour the farthest dot loses.
 const HAZE: f64 = 0.5;
 /// Steps of distance that dots are put in: within a step they are drawn as they were added, which leaves those of a kind
@@ -101,6 +101,11 @@ fn shaded(color: Rgb, corners: &[[f64; 3]]) -> Rgb {
         let next = corners[(n + 1) % corners.len()];
         normal += Vector3::from(*here).cross(&Vector3::from(next));
     }
+    lit(color, normal)
+}
+
+/// A colour in the light, whichever way its surface faces.
+pub(super) fn lit(color: Rgb, normal: Vector3<f64>) -> Rgb {
     let Some(normal) = normal.try_normalize(1e-12) else { return color };
     let to_eye = if normal.z < 0.0 { -normal } else { normal };
     let light = to_eye.dot(&Vector3::from(LIGHT)).max(0.0);

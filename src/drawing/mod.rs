@@ -51,13 +51,13 @@ mod solid;
 
 pub mod page;
 
-pub use colors::Rgb;
+pub use colors::{NO_THICKNESS, Rgb};
 pub use figures::{Paint, VECTOR_COLORS, WALL_COLOR};
 pub use legend::{Key, Legend, Range, round_step, told};
 pub use page::{Element, Page};
 pub use picture::{Panel, Picture};
 pub use pixels::Pixels;
 pub use scene::{Item, Mark, Scene};
-pub use solid::{BARE, Frame, NO_THICKNESS, Solid};
+pub use solid::{BARE, Frame, Solid};
 pub use typeface::Typeface;
 pub use view::View;

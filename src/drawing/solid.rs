@@ -4,7 +4,7 @@
 //! a value becomes a colour in each sample: colours mixed between corners would be none of the map.
 
 use super::colors::{Rgb, mixed, viridis};
-use super::flat::{LIGHT, SHADE};
+use super::flat::lit;
 use super::legend::Range;
 use super::pixels::Pixels;
 use super::view::View;
@@ -16,8 +16,6 @@ use crate::space::{WorldPoint, WorldVector};
 const SAMPLES: usize = 3;
 /// The mask where no figure hides it.
 pub const BARE: Rgb = [214, 216, 221];
-/// Colour of a surface without a thickness.
-pub const NO_THICKNESS: Rgb = [150; 3];
 /// How much of its colour a sample keeps beside an edge.
 const EDGE_SHADE: f64 = 0.55;
 /// A step towards the eye between neighbouring samples is an edge from this share of the picture's size on. Smaller, and
@@ -255,7 +253,7 @@ impl Samples {
         };
         let normal = [mix(|own| own.normal[0]), mix(|own| own.normal[1]), mix(|own| own.normal[2])];
         self.near[place] = near;
-        self.colors[place] = lit(color, normal);
+        self.colors[place] = lit(color, WorldVector::from(normal));
     }
 
     /// Later triangles lie behind those that were drawn so far.
@@ -298,13 +296,6 @@ impl Samples {
     }
 }
 
-/// A colour in the light, whichever way its surface faces.
-fn lit(color: Rgb, normal: [f64; 3]) -> Rgb {
-    let Some(normal) = WorldVector::from(normal).try_normalize(1e-12) else { return color };
-    let to_eye = if normal.z < 0.0 { -normal } else { normal };
-    mixed(BLACK, color, SHADE + (1.0 - SHADE) * to_eye.dot(&WorldVector::from(LIGHT)).max(0.0))
-}
-
 /// The samples that lie between the least and the largest of three places, first and beyond the last.
 fn span(places: [f64; 3], count: usize) -> [usize; 2] {
     let low = places.into_iter().fold(f64::INFINITY, f64::min);
@@ -317,6 +308,7 @@ fn span(places: [f64; 3], count: usize) -> [usize; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::drawing::colors::NO_THICKNESS;
 
     /// A square of 2 mm at a height, with a thickness.
     fn add_square(solid: &mut Solid, (x, z): (f64, f64), thickness_mm: f64) {
@@ -348,7 +340,7 @@ mod tests {
                 add_square(&mut solid, [(-1.0, 0.0), (0.0, 5.0)][n], [0.0, 10.0][n]);
             }
             let pixels = shot(&solid, from_above());
-            let [low, high] = [0.0, 1.0].map(|share| lit(viridis(share), [0.0, 0.0, 1.0]));
+            let [low, high] = [0.0, 1.0].map(|share| lit(viridis(share), WorldVector::z()));
             assert_eq!([pixels.row(10)[0], pixels.row(10)[15], pixels.row(10)[30]], [WHITE, low, high]);
         }
     }
@@ -361,7 +353,7 @@ mod tests {
         let positions = corners.map(|[x, y]| WorldPoint::new(x, y, 9.0)).to_vec();
         solid.add_mask(&TriangleMesh { positions, triangles: vec![[0, 1, 2], [0, 2, 3]] });
         let pixels = shot(&solid, from_above());
-        let [bare, none] = [BARE, NO_THICKNESS].map(|color| lit(color, [0.0, 0.0, 1.0]));
+        let [bare, none] = [BARE, NO_THICKNESS].map(|color| lit(color, WorldVector::z()));
         assert_eq!([pixels.row(10)[10], pixels.row(10)[30]], [bare, none]);
         assert_eq!(solid.bounds(&from_above()), Some([[-2.0, 0.0], [2.0, 2.0]]));
     }

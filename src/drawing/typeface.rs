@@ -80,6 +80,12 @@ impl Typeface {
         glyph.map_or(0, |glyph| glyph.0)
     }
 
+    /// The character that is seen: itself, or what stands for one that it lacks.
+    #[must_use]
+    pub fn shown(self, character: char) -> char {
+        if self.parsed().glyph_index(character).is_some() { character } else { LACKING }
+    }
+
     /// How many glyphs it has.
     #[must_use]
     pub fn glyphs(self) -> u16 {

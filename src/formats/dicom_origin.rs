@@ -9,6 +9,8 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use super::read::Uid;
+
 /// Group and element of an attribute.
 pub type Tag = (u16, u16);
 
@@ -93,8 +95,7 @@ impl DicomOrigin {
     #[must_use]
     pub fn uid(&self, tag: Tag) -> Option<&str> {
         let uid = std::str::from_utf8(self.bytes(tag)).ok()?.trim_end_matches(['\0', ' ']);
-        let is_uid = !uid.is_empty() && uid.len() <= 64 && uid.bytes().all(|b| b.is_ascii_digit() || b == b'.');
-        is_uid.then_some(uid)
+        Uid::parse(uid).map(|_| uid)
     }
 }
 

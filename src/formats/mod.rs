@@ -14,7 +14,5 @@ pub mod artifacts;
 pub mod write;
 
 pub(crate) use read::stream::hex;
-pub use read::{
-    DicomError, DicomFault, HeaderFacts, IDENTITY_BYTES, Identity, InputLimits, LineFault, ReadError, Uid, read_origin,
-};
+pub use read::{DicomError, DicomFault, HeaderFacts, IDENTITY_BYTES, Identity, InputLimits, LineFault, ReadError, Uid};
 pub use readers::{ReadVolume, read, read_file};

@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+use super::dicom_origin::DicomOrigin;
 use super::read::answers::{Found, Sniffed};
 use super::read::sniff::{GZIP_MAGIC, guess};
 use super::read::stream::Stream;
@@ -81,6 +82,8 @@ pub struct ReadVolume {
     pub bytes: u64,
     /// The format with its version and packing: `nifti1`, `nifti1.gz`, `nrrd`, `dicom_seg`, ….
     pub format: &'static str,
+    /// What results take over of a DICOM file.
+    pub origin: Option<DicomOrigin>,
 }
 
 /// Reads the file at `path`. `cancel` is asked every few hundred kilobytes.
@@ -102,11 +105,12 @@ pub fn read(source: impl Read, limits: InputLimits) -> Result<ReadVolume, ReadEr
 fn read_while(source: impl Read, limits: InputLimits, cancel: &dyn Cancel) -> Result<ReadVolume, ReadError> {
     let mut stream = Stream::open(source, limits.max_decompressed_bytes, cancel)?;
     let reader = reader_of(stream.peek(MAGIC_BYTES)?)?;
-    let Found { mut volume, format } = (reader.read)(&mut stream, limits).map_err(|error| explain(error, &stream))?;
+    let Found { mut volume, format, origin } =
+        (reader.read)(&mut stream, limits).map_err(|error| explain(error, &stream))?;
     stream.drain()?;
     volume = volume.with_notices(stream.foreign_notice());
     let digested = stream.finish();
-    Ok(ReadVolume { volume, sha256: digested.sha256, bytes: digested.bytes, format })
+    Ok(ReadVolume { volume, sha256: digested.sha256, bytes: digested.bytes, format, origin })
 }
 
 /// A file that ends early where gzip gave way to something else is no shorter than it should be: it is damaged there.

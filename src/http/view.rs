@@ -56,7 +56,7 @@ pub struct JobView {
     ended_at: Option<String>,
     /// Why it failed; null unless failed. Codes: of the file `truncated`, `corrupt_gzip`, `bad_checksum`,
     /// `trailing_data`, `decompressed_too_large`, `wrong_byte_order`, `bad_number`, `not_a_label_map`,
-    /// `too_many_labels`; of its labels
+    /// `too_many_labels`, `too_many_layers`; of its labels
     /// `empty_mask`, `label_missing`, `label_is_background`, `intensity_image`; of the shapes, when none has a medial
     /// sheet, `too_thin`, `too_small`, `fragment`, `shape_is_a_ball`, `shape_is_a_tube`, `shape_is_no_tube`, `not_orientable`, `hollow_object`,
     /// `sheet_has_holes`, `too_many_points`, `neighborhood_too_large`, `no_embedding`, `working_grid_too_large`; of the run

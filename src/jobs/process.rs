@@ -1,7 +1,6 @@
 //! One mask from file to artifacts: read, run the pipeline, write. Synchronous; the service's
 //! workers and `medialrep run` both call it.
 
-use std::fs::File;
 use std::io;
 use std::path::Path;
 use std::time::Instant;
@@ -122,23 +121,8 @@ pub fn process(
     // The voxels are not needed any more, and there may be many of them.
     let notices = read.volume.into_notices();
     let warnings = notices.into_iter().map(|n| Warning { code: n.code.into(), message: n.message }).collect();
-    let dicom = dicom_origin(mask, read.format, limits, observer)?;
     let input = InputFacts { sha256: read.sha256, format: read.format.to_owned() };
-    publish(model, Source { input, warnings, dicom, start, read_ms }, (out, keep), observer)
-}
-
-/// What results take over from the DICOM object that the mask came in, if it did.
-fn dicom_origin(
-    mask: &Path,
-    format: &str,
-    limits: InputLimits,
-    observer: &dyn Observer,
-) -> Result<Option<DicomOrigin>, ProcessError> {
-    if !format.starts_with("dicom") {
-        return Ok(None);
-    }
-    let file = File::open(mask).map_err(|error| ProcessError::Io { doing: READING, error })?;
-    Ok(Some(formats::read_origin(file, limits.max_decompressed_bytes, observer)?))
+    publish(model, Source { input, warnings, dicom: read.origin, start, read_ms }, (out, keep), observer)
 }
 
 /// What the artifacts say of the file and the run.

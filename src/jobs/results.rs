@@ -59,7 +59,7 @@ impl Jobs {
     async fn made(&self, job: &Job, token: &str, artifact: &'static Artifact) -> Result<Option<ResultFile>, JobsError> {
         let Some(record) = job.result(RECORD.0) else { return Ok(None) };
         // One at a time: a record may take as much memory as a run.
-        let _turn = self.making().lock().await;
+        let turn = self.making().lock_owned().await;
         // Another request may have made it meanwhile.
         let job = self.store().get(job.id).await?.ok_or(JobsError::NotFound)?;
         if let Some(file) = job.result(artifact.name) {
@@ -70,6 +70,8 @@ impl Jobs {
         let (blobs, draft) = (self.blobs().clone(), new_token());
         let folder = draft.clone();
         let made = on_own_thread(move || {
+            // Held to the end of the work, though whoever asked may be gone.
+            let _turn = turn;
             let folder = blobs.begin_attempt(&folder)?;
             let record = Record::read(bytes.as_slice()).map_err(io::Error::other)?;
             make(&record, artifact, &folder, &Never).map_err(into_io)

@@ -68,7 +68,7 @@ pub struct Jobs {
     /// Archives that masks may be fetched from.
     pub(super) pacs: Option<Pacs>,
     /// Held while a result is made on request.
-    making: Mutex<()>,
+    making: Arc<Mutex<()>>,
     unnamed: Mutex<Unnamed>,
     storage_health: StorageHealth,
     clock: Clock,
@@ -101,7 +101,7 @@ impl Jobs {
             metrics: Metrics::new(),
             webhooks,
             pacs: None,
-            making: Mutex::default(),
+            making: Arc::default(),
             unnamed: Mutex::default(),
             storage_health: StorageHealth::default(),
             clock: Clock::default(),
@@ -457,8 +457,8 @@ impl Jobs {
         &self.running
     }
 
-    pub(super) fn making(&self) -> &Mutex<()> {
-        &self.making
+    pub(super) fn making(&self) -> Arc<Mutex<()>> {
+        Arc::clone(&self.making)
     }
 
     pub(super) fn workers_alive(&self) -> &AtomicUsize {

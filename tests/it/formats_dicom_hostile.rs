@@ -8,7 +8,7 @@ use flate2::write::DeflateEncoder;
 use medialrep::formats::{InputLimits, ReadError, read};
 
 use crate::help::dicom_bytes::{
-    DEFLATED, DEFLATED_FRAMES, Dicom, Element, IMPLICIT, RLE, Seg, Value, deflated, frame, sequence, short, text,
+    DEFLATED, DEFLATED_FRAMES, Dicom, Element, Frame, IMPLICIT, RLE, Seg, Value, deflated, sequence, short, text,
 };
 
 /// In which a file of any kind is answered; the machine may be busy.
@@ -211,5 +211,19 @@ fn every_cut_and_every_changed_byte_of_a_file_is_answered() {
             }
         }
     }
-    assert_eq!(frame(0, 0, |_| 1).pixels.len(), 15);
+}
+
+#[test]
+fn frames_that_are_small_one_by_one_count_together() {
+    let pixels = vec![1; 200 * 200];
+    let frame = |z: i32| Frame { position: [0.0, 0.0, z.into()], segment: 0, pixels: pixels.clone() };
+    let frames: Vec<Frame> = (0..5).map(frame).collect();
+    for transfer in [RLE, DEFLATED_FRAMES] {
+        let frames = frames.clone();
+        let seg = Seg { columns: 200, rows: 200, frames, spacing: [1.0; 3], segments: vec![1], ..Seg::labelmap(8) };
+        let bytes = seg.with(transfer).bytes();
+        let error = read(&bytes[..], InputLimits { max_decompressed_bytes: 100_000, ..InputLimits::default() });
+        assert_eq!(error.unwrap_err().code(), "decompressed_too_large");
+        assert_eq!(read(&bytes[..], InputLimits::default()).unwrap().volume.labels().len(), 1);
+    }
 }

@@ -96,8 +96,10 @@ fn what_names_a_patient_is_in_the_record_and_in_dicom_results_alone() {
     let read = Record::read(kept.as_slice()).unwrap();
     assert_eq!(read.dicom, record.dicom);
     let is_told = |bytes: &[u8]| bytes.windows(6).any(|part| part == b"CANARY" || part == b"Canary");
+    // Of what is packed no text can be searched for: it has the bytes that it has without a patient.
+    let without = Record { dicom: None, ..read.clone() };
     for artifact in ARTIFACTS.iter().filter(|artifact| artifact.media_type != "application/dicom") {
-        assert!(!is_told(&written(artifact.name, &read)), "{}", artifact.name);
+        assert!(written(artifact.name, &read) == written(artifact.name, &without), "{}", artifact.name);
     }
     assert!(!is_told(format!("{record:?}").as_bytes()));
 }
@@ -211,4 +213,27 @@ fn verdicts_are_told_with_their_reasons() {
     }
     let refused = "the medial sheet has only 3 points, a lattice needs 9";
     assert_eq!(told, ["VERDICT-WARN", "few nodes", "VERDICT-REFUSED", "few nodes", refused]);
+}
+
+#[test]
+fn a_name_in_a_set_of_letters_that_is_switched_to_keeps_its_set() {
+    let mut origin = DicomOrigin::default();
+    origin.keep((0x0008, 0x0005), b"\\ISO 2022 IR 87");
+    origin.keep((0x0010, 0x0010), b"Yamada^Tarou=\x1b$B;3ED\x1b(B^\x1b$BB@O:\x1b(B");
+    let (_, set) = read(&written("report.sr.dcm", &Record { dicom: Some(origin.clone()), ..record(slab()) }));
+    assert_eq!(bytes(&set, 0x0008_0005), b"\\ISO 2022 IR 87 ");
+    assert_eq!(bytes(&set, 0x0010_0010), origin.bytes((0x0010, 0x0010)));
+}
+
+#[test]
+fn an_object_has_the_same_uid_whatever_other_files_are_asked_for() {
+    let of = |outputs: &str| {
+        let params = format!("{{\"outputs\": [{outputs}]}}");
+        let params = medialrep::formats::params_json::parse(params.as_bytes()).unwrap();
+        let mut record = record(slab());
+        record.model.params = params;
+        let (_, set) = read(&written("report.sr.dcm", &record));
+        [0x0008_0018, 0x0020_000d, 0x0020_000e].map(|tag| text(&set, tag))
+    };
+    assert_eq!(of("\"report.sr.dcm\""), of("\"report.sr.dcm\", \"picture.dcm\""));
 }

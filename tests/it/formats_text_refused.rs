@@ -145,9 +145,28 @@ fn axes_that_are_neither_space_nor_layers() {
     for kind in ["RGB-color domain domain domain", "vector domain domain domain"] {
         check_line(&colour, "kinds", kind, "unsupported_header", 422);
     }
+    // Four kinds that are not known, and no direction: a series, whichever axis it runs along.
+    let series = TextFile::nrrd().without("space directions").with("dimension", "4").with("spacings", "1 1 2 1");
+    let series = series.with("kinds", "??? ??? ??? ???");
+    check_line(&series, "sizes", "4 3 2 5", "several_volumes", 422);
     let listed = colour.with("kinds", "list domain domain domain");
     check_line(&listed, "sizes", "1025 4 3 2", "unsupported_header", 422);
     check_line(&listed, "sizes", "1000 1000 1000 500", "too_many_voxels", 413);
+}
+
+#[test]
+fn segments_that_all_overlap_are_refused_beyond_so_many_layers() {
+    let file = |layers: usize| {
+        TextFile::nrrd()
+            .with("dimension", "4")
+            .with("sizes", &format!("{layers} 4 3 2"))
+            .with("kinds", "list domain domain domain")
+            .with("space directions", "none (1,0,0) (0,2,0) (0,0,3)")
+            .body(vec![1; layers * 24])
+    };
+    check_refused(&file(65).bytes(), "too_many_layers", 422, "the voxels");
+    let most = read(file(64).bytes().as_slice(), InputLimits::default()).unwrap();
+    assert_eq!(most.volume.layers().count(), 64);
 }
 
 #[test]

@@ -125,9 +125,12 @@ fn what_lies_among_the_scratch_folders_is_swept_with_them() {
     let blobs = Blobs::open(dir.path(), "instance").unwrap();
     std::fs::create_dir(dir.path().join("scratch/other")).unwrap();
     std::fs::write(dir.path().join("scratch/file"), b"").unwrap();
+    let probe = dir.path().join(".probe-killed");
+    std::fs::write(&probe, b"").unwrap();
     blobs.sweep_scratch_of_others().unwrap();
     let left = std::fs::read_dir(dir.path().join("scratch")).unwrap().map(|entry| entry.unwrap().file_name());
     assert_eq!(left.collect::<Vec<_>>(), ["instance"]);
+    assert!(!probe.exists());
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 4)]

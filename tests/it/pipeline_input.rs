@@ -172,6 +172,14 @@ fn an_object_in_the_last_slice_of_a_file_without_empty_ones_may_go_on() {
 }
 
 #[test]
+fn a_background_is_one_in_a_file_without_empty_slices_too() {
+    let in_file = |k: usize| (1..25).contains(&k);
+    let outside = |at: [usize; 3]| in_file(at[2]) && !in_slab([at[0], at[1], at[2].saturating_sub(2)]);
+    let volume = painted([52, 42, 26], [1.0; 3], |at| u16::from(outside(at))).with_added_slices(2);
+    check_refused(&volume, params(), "label_is_background");
+}
+
+#[test]
 fn labels_that_overlap_are_each_computed_as_if_alone() {
     let dims = [52, 42, 30];
     let thick = |[i, j, k]: [usize; 3]| in_slab([i, j, k.saturating_sub(4)]);

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::error::ReadError;
+use crate::formats::dicom_origin::DicomOrigin;
 use crate::space::LabelVolume;
 
 /// Bounds on what a file may ask of the machine.
@@ -49,4 +50,6 @@ pub(in crate::formats) struct Found {
     pub volume: LabelVolume,
     /// The format with its version: `nifti1`, `nifti1.gz`.
     pub format: &'static str,
+    /// What results take over of a DICOM file.
+    pub origin: Option<DicomOrigin>,
 }

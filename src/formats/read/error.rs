@@ -151,6 +151,12 @@ pub enum ReadError {
         /// The value in the other.
         swapped: f64,
     },
+    /// Segments that overlap so much that they need many layers.
+    #[error("segments overlap so much that they need more than {allowed} layers")]
+    TooManyLayers {
+        /// Layers allowed.
+        allowed: usize,
+    },
     /// More labels than an index can hold.
     #[error("the volume has more than {allowed} different labels")]
     TooManyLabels {
@@ -210,6 +216,7 @@ impl ReadError {
             Self::NotALabelMap { .. } => "not_a_label_map",
             Self::WrongByteOrder { .. } => "wrong_byte_order",
             Self::TooManyLabels { .. } => "too_many_labels",
+            Self::TooManyLayers { .. } => "too_many_layers",
             Self::Dicom(error) => error.code(),
             Self::Io(_) => "internal",
             Self::Cancelled(_) => "cancelled",
@@ -237,7 +244,8 @@ impl ReadError {
             | Self::UnsupportedDatatype { .. }
             | Self::BadAffine { .. }
             | Self::NotALabelMap { .. }
-            | Self::TooManyLabels { .. } => 422,
+            | Self::TooManyLabels { .. }
+            | Self::TooManyLayers { .. } => 422,
             Self::Dicom(error) => error.status(),
             Self::Io(_) | Self::Cancelled(_) => 500,
         }
@@ -263,7 +271,9 @@ impl ReadError {
             Self::BadNumber { byte } => format!("byte {byte}"),
             Self::NotALabelMap { voxel, .. } | Self::WrongByteOrder { voxel, .. } => format!("voxel {voxel:?}"),
             Self::Dicom(error) => error.location(),
-            Self::TooManyLabels { .. } | Self::Io(_) | Self::Cancelled(_) => "the voxels".to_owned(),
+            Self::TooManyLabels { .. } | Self::TooManyLayers { .. } | Self::Io(_) | Self::Cancelled(_) => {
+                "the voxels".to_owned()
+            }
         }
     }
 
@@ -285,6 +295,7 @@ impl ReadError {
                 "crop the volume to the structures of interest, or resample it"
             }
             Self::HeaderLine { fault, .. } => fault.hint(),
+            Self::TooManyLayers { .. } => "export segments that overlap as files of their own",
             Self::BadNumber { .. } => "export the mask again, with the encoding raw or gzip",
             Self::BadDimensions { .. } | Self::BadHeaderField { .. } | Self::NoHeaderLine { .. } => {
                 "export the mask again, or repair its header with the tool that wrote it"

@@ -9,6 +9,9 @@ use super::voxels::Voxels;
 use crate::cancel::Cancel;
 use crate::space::{Grid, Label, LabelVolume, VolumeNotice, WorldFromVoxel};
 
+/// Layers that a volume has at most. Files of planned radiation with a dozen nested targets need as many; with more, each layer of
+/// a file made for it would be compared with all others for ever.
+pub(super) const MAX_LAYERS: usize = 64;
 /// Voxels between two looks at whether to go on.
 const SLICE: usize = 1 << 20;
 
@@ -69,7 +72,7 @@ struct Place {
 /// The volume of what was read.
 ///
 /// # Errors
-/// When there are too many segments, or it is cancelled.
+/// When there are too many segments or layers, or it is cancelled.
 pub(super) fn label_volume(
     voxels: Voxels,
     stored: &Stored,
@@ -99,6 +102,9 @@ fn places(voxels: &Voxels, cancel: &dyn Cancel) -> Result<Vec<Place>, ReadError>
         };
         for ((index, label), is_met) in (1..=u16::MAX).zip(&voxels.labels).zip(&is_met[1..]) {
             if *is_met {
+                if found.len() == usize::from(u16::MAX) {
+                    return Err(ReadError::TooManyLabels { allowed: usize::from(u16::MAX) });
+                }
                 found.push(Place { layer, index, value: label.value });
             }
         }
@@ -165,19 +171,15 @@ fn packed(
     stored: &Stored,
     cancel: &dyn Cancel,
 ) -> Result<Kept, ReadError> {
-    if let [_] = layers[..] {
-        // Its labels are in order already.
-        let only = layers.into_iter().next().unwrap_or_default();
-        return Ok((padded(only, stored.voxels), Vec::new()));
-    }
-    let (mut first, mut further) = (vec![0; stored.voxels], Vec::new());
+    // The labels of a single one are in order already.
+    let is_in_order = layers.len() == 1;
+    let mut all: Vec<Vec<u16>> = Vec::new();
     for (mut layer, new) in layers.into_iter().zip(new_of_old) {
-        for slice in layer.chunks_mut(SLICE) {
-            cancel.check()?;
-            slice.iter_mut().filter(|index| **index != 0).for_each(|index| *index = new[usize::from(*index)]);
+        if !is_in_order {
+            renumber(&mut layer, new, cancel)?;
         }
         let mut is_added = false;
-        for kept in std::iter::once(&mut first).chain(&mut further) {
+        for kept in &mut all {
             cancel.check()?;
             if !meet(kept, &layer) {
                 add(kept, &layer);
@@ -185,11 +187,27 @@ fn packed(
                 break;
             }
         }
-        if !is_added {
-            further.push(padded(layer, stored.voxels));
+        if is_added {
+            continue;
+        }
+        if all.len() == MAX_LAYERS {
+            return Err(ReadError::TooManyLayers { allowed: MAX_LAYERS });
+        }
+        all.push(padded(layer, stored.voxels));
+    }
+    let mut all = all.into_iter();
+    Ok((all.next().unwrap_or_else(|| vec![0; stored.voxels]), all.collect()))
+}
+
+fn renumber(layer: &mut [u16], new: &[u16], cancel: &dyn Cancel) -> Result<(), ReadError> {
+    for slice in layer.chunks_mut(SLICE) {
+        cancel.check()?;
+        for index in slice {
+            // The background has none.
+            *index = new[usize::from(*index)];
         }
     }
-    Ok((first, further))
+    Ok(())
 }
 
 /// A layer with the background after its last label.

@@ -31,6 +31,6 @@ pub(super) mod nrrd;
 pub(super) mod metaimage;
 
 pub use answers::{HeaderFacts, InputLimits};
-pub use dicom::{DicomError, DicomFault, IDENTITY_BYTES, Identity, Uid, read_origin};
+pub use dicom::{DicomError, DicomFault, IDENTITY_BYTES, Identity, Uid};
 pub use error::ReadError;
 pub use lines::LineFault;

@@ -42,6 +42,8 @@ use crate::jobs::make_private;
 const SCRATCH: &str = "scratch";
 const MASKS: &str = "masks";
 const RESULTS: &str = "results";
+/// What the names of files begin with that are tried out.
+const PROBE: &str = ".probe-";
 const RESERVE: &str = "reserve";
 /// Room that is kept back: the log of the database grows by a tenth of a MiB for a job that is deleted.
 const RESERVE_BYTES: u64 = 4 << 20;
@@ -362,17 +364,18 @@ impl Blobs {
         removed
     }
 
-    /// Removes the scratch files of all other processes. One that cannot be removed is logged. Blocks.
+    /// Removes the scratch files of all other processes, and what they tried out. One that cannot be removed is logged. Blocks.
     ///
     /// # Errors
     /// When their folder cannot be read.
     pub fn sweep_scratch_of_others(&self) -> io::Result<()> {
-        for entry in fs::read_dir(self.root.join(SCRATCH))? {
-            let entry = entry?;
+        let is_probe = |entry: &fs::DirEntry| entry.file_name().as_encoded_bytes().starts_with(PROBE.as_bytes());
+        let is_other = |entry: &fs::DirEntry| entry.path() != self.scratch;
+        let mut left: Vec<fs::DirEntry> = fs::read_dir(self.root.join(SCRATCH))?.collect::<io::Result<_>>()?;
+        left.retain(is_other);
+        left.extend(fs::read_dir(&self.root)?.flatten().filter(is_probe));
+        for entry in left {
             let path = entry.path();
-            if path == self.scratch {
-                continue;
-            }
             let removed = if entry.file_type()?.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
             if let Err(error) = gone(removed) {
                 tracing::error!(path = %path.display(), %error, "scratch files cannot be removed");
@@ -410,7 +413,7 @@ impl Blobs {
     pub async fn check_writable(&self) -> io::Result<()> {
         let blobs = self.clone();
         on_own_thread(move || {
-            let mut file = blobs.begin_upload()?;
+            let mut file = blobs.begin_probe()?;
             io::Write::write_all(&mut file, b"ready")?;
             file.as_file().sync_all()
         })
@@ -425,6 +428,11 @@ impl Blobs {
         room(&self.root)
     }
 
+    /// A file beside the folders of jobs, where it is taken for nothing of theirs; it vanishes when dropped. Blocks.
+    fn begin_probe(&self) -> io::Result<NamedTempFile> {
+        tempfile::Builder::new().prefix(PROBE).tempfile_in(&self.root)
+    }
+
     /// Keeps some room of the disk back, where there is enough: a file that [`Self::give_up_reserve`] removes. Blocks.
     ///
     /// # Errors
@@ -434,8 +442,7 @@ impl Blobs {
         if path.exists() || !self.room()?.has(min_free_bytes.saturating_add(2 * RESERVE_BYTES)) {
             return Ok(());
         }
-        // What a killed process leaves of it is swept with its other scratch files.
-        let file = self.begin_upload()?;
+        let file = self.begin_probe()?;
         // Written, not only asked for: some file systems promise the same room to others.
         let zeros = vec![0; usize::try_from(RESERVE_BYTES).map_err(io::Error::other)?];
         io::Write::write_all(&mut file.as_file(), &zeros)?;

@@ -93,11 +93,13 @@ fn add_boxes(layer: &Grid<u16>, boxes: &mut [Option<LabelBox>], cancel: &dyn Can
 pub(crate) fn refuse_background(volume: &LabelVolume, label: Label) -> Result<(), Refusal> {
     let (dims, bounds) = (volume.dims(), label.bounds);
     for (axis, length) in dims.into_iter().enumerate() {
-        if bounds.low[axis] > 0 || bounds.high[axis] + 1 < length {
+        // Slices that were added are no slices of the image.
+        let added = usize::from(volume.added_slices() == Some(axis));
+        if bounds.low[axis] > added || bounds.high[axis] + 1 + added < length {
             return Ok(());
         }
         let area = (dims[(axis + 1) % 3] * dims[(axis + 2) % 3]) as f64;
-        for face in [0, length - 1] {
+        for face in [added, length - 1 - added] {
             if (voxels_on_face(volume, label.index, axis, face) as f64) < BACKGROUND_SHARE * area {
                 return Ok(());
             }

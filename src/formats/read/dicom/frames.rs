@@ -27,7 +27,7 @@ pub(super) enum Kind {
 
 impl Kind {
     /// Bytes of a frame by itself.
-    fn frame_bytes(self, plane: usize) -> usize {
+    pub fn frame_bytes(self, plane: usize) -> usize {
         match self {
             Self::Bits => plane.div_ceil(8),
             Self::Share(_) | Self::Labels8 => plane,
@@ -35,6 +35,9 @@ impl Kind {
         }
     }
 }
+
+/// Bytes of a frame that are read before memory is taken for more.
+const STEP_BYTES: usize = 1 << 20;
 
 /// Whether frames of bits begin at new bytes, by the length of pixels that are not compressed. Where both ways have the
 /// same length, it is that of the standard.
@@ -132,8 +135,13 @@ impl<'a, 'l, 'c> Painter<'a, 'l, 'c> {
             let kept = content.len().min(usize::from(first_bit > 0));
             content.drain(..content.len() - kept);
             let pixel_bits = if kind == Kind::Bits { plane } else { step_bits };
-            content.resize((first_bit + pixel_bits).div_ceil(8), 0);
-            pixels.fill(&mut content[kept..])?;
+            let wanted = (first_bit + pixel_bits).div_ceil(8);
+            // Grows with what comes: a file may tell of more than it has.
+            while content.len() < wanted {
+                let filled = content.len();
+                content.resize(wanted.min(filled + STEP_BYTES), 0);
+                pixels.fill(&mut content[filled..])?;
+            }
             self.paint(number, &content, first_bit)?;
             first_bit = (first_bit + step_bits) % 8;
         }
@@ -195,7 +203,7 @@ impl<'a, 'l, 'c> Painter<'a, 'l, 'c> {
         match self.frames.kind {
             Kind::Bits => self.layers.add_bits(frame.segment, *slice, content, first_bit),
             Kind::Share(most) => {
-                self.has_parts |= content.iter().any(|share| *share != 0 && *share != most);
+                self.has_parts |= most > 1 && content.iter().any(|share| *share != 0 && *share != most);
                 self.layers.add_values(frame.segment, *slice, content, most.div_ceil(2).max(1))
             }
             Kind::Labels8 => self.paint_labels(*slice, content.iter().map(|value| u16::from(*value))),

@@ -7,11 +7,12 @@ use super::segments::Segments;
 use super::tag::{Tag, TagPath};
 use crate::cancel::Cancel;
 use crate::formats::read::error::ReadError;
+use crate::formats::read::layers::MAX_LAYERS;
 use crate::space::{Grid, Label, VolumeNotice};
 
-/// Layers that there can be at most. Files of planned radiation with a dozen nested targets need as many; with more, a
-/// file made for it would have its segments moved for ever.
-const MAX_LAYERS: usize = 64;
+/// Voxels that are compared where segments move, in times of those of the volume. A dozen nested targets compare less than one
+/// such time for each pair; with more, a file made for it would have its segments moved for ever.
+const MAX_COMPARED: u64 = 128;
 /// Voxels of all layers together, in volumes of the largest that is allowed.
 const MAX_VOLUMES: u64 = 4;
 /// Voxels that are looked at together.
@@ -27,6 +28,8 @@ pub(super) struct Layers<'c> {
     /// Of segments that have voxels.
     segments: BTreeMap<u16, Segment>,
     moved: usize,
+    /// Voxels that may still be compared.
+    comparable: u64,
     cancel: &'c dyn Cancel,
 }
 
@@ -45,7 +48,17 @@ impl<'c> Layers<'c> {
         let total = plane * dims[2];
         let fit = max_voxels.saturating_mul(MAX_VOLUMES) / (total as u64).max(1);
         let most = usize::try_from(fit).unwrap_or(MAX_LAYERS).min(MAX_LAYERS);
-        Self { layers: vec![vec![0; total]], dims, plane, most, segments: BTreeMap::new(), moved: 0, cancel }
+        let comparable = MAX_COMPARED * total as u64;
+        Self {
+            layers: vec![vec![0; total]],
+            dims,
+            plane,
+            most,
+            segments: BTreeMap::new(),
+            moved: 0,
+            comparable,
+            cancel,
+        }
     }
 
     /// Gives a segment the voxels of a slice whose bits are set, the lowest of a byte first. The slice begins at bit
@@ -161,13 +174,19 @@ impl<'c> Layers<'c> {
 
     /// Moves a segment to the next layer in which its voxels and one more are free; which one that is.
     fn move_up(&mut self, number: u16, more: usize) -> Result<usize, ReadError> {
-        self.cancel.check()?;
         let from = self.segments.entry(number).or_default().layer;
+        let slices = self.segments.get(&number).map_or(0, |segment| segment.slices.len());
+        let compared = (slices * self.plane) as u64;
         let mut to = from + 1;
-        while to < self.layers.len() && !self.is_free(number, from, to, more) {
+        while to < self.layers.len() {
+            self.cancel.check()?;
+            if self.comparable >= compared && self.is_free(number, from, to, more) {
+                break;
+            }
+            self.comparable = self.comparable.saturating_sub(compared);
             to += 1;
         }
-        if to >= self.most {
+        if to >= self.most || self.comparable < compared {
             return Err(DicomFault::Overlaps { layers: self.most }.at(TagPath::top(Tag::PIXELS)));
         }
         if to == self.layers.len() {

@@ -34,8 +34,6 @@ mod uid;
 
 mod identity;
 
-mod origin;
-
 use self::frames::{Frames, Painter, begins_at_bytes};
 use self::geometry::SLICES;
 use self::layers::Layers;
@@ -50,7 +48,6 @@ use crate::space::LabelVolume;
 
 pub use self::error::{DicomError, DicomFault};
 pub use self::identity::{IDENTITY_BYTES, Identity};
-pub use self::origin::read_origin;
 pub use self::uid::Uid;
 
 /// Bytes that [`sniff`] needs to see.
@@ -69,6 +66,7 @@ pub(in crate::formats) fn sniff(head: &[u8]) -> Sniffed {
 pub(in crate::formats) fn header(stream: &mut Stream<'_>, limits: InputLimits) -> Result<HeaderFacts, ReadError> {
     let (mut walk, transfer) = begin(stream, limits)?;
     let described = Described::read(&mut walk, limits.max_voxels, &mut Vec::new())?;
+    check_frames(&described, limits)?;
     if transfer.pixels == Packing::Plain {
         begins_at_bytes(described.kind, described.plane, described.frames.len(), described.pixels)?;
     }
@@ -88,6 +86,7 @@ pub(in crate::formats) fn read(stream: &mut Stream<'_>, limits: InputLimits) -> 
     let format = if stream.is_compressed() { "dicom_seg.gz" } else { "dicom_seg" };
     let (mut walk, transfer) = begin(stream, limits)?;
     let described = Described::read(&mut walk, limits.max_voxels, &mut notices)?;
+    check_frames(&described, limits)?;
     let mut layers = Layers::new(described.stack.dims, limits.max_voxels, cancel);
     let pixels = (described.pixels, walk.syntax, transfer.pixels);
     let frames = Frames {
@@ -104,7 +103,8 @@ pub(in crate::formats) fn read(stream: &mut Stream<'_>, limits: InputLimits) -> 
     segments.tell(&mut notices);
     let (grids, labels) = layers.finish(&mut segments, &mut notices)?;
     let volume = LabelVolume::new_while(grids, labels, described.stack.world_from_voxel, cancel)?;
-    Ok(Found { volume: volume.with_added_slices(SLICES).with_notices(notices), format })
+    let volume = volume.with_added_slices(SLICES).with_notices(notices);
+    Ok(Found { volume, format, origin: Some(described.origin) })
 }
 
 fn begin<'s, 'f>(stream: &'s mut Stream<'f>, limits: InputLimits) -> Result<(Walk<'s, 'f>, Transfer), ReadError> {
@@ -114,6 +114,13 @@ fn begin<'s, 'f>(stream: &'s mut Stream<'f>, limits: InputLimits) -> Result<(Wal
         source.inflate();
     }
     Ok((Walk::new(source, transfer.elements), transfer))
+}
+
+/// Refuses frames that have more bytes together than may be decompressed: each is small where it is compressed by itself.
+fn check_frames(described: &Described, limits: InputLimits) -> Result<(), ReadError> {
+    let bytes = described.kind.frame_bytes(described.plane) as u64 * described.frames.len() as u64;
+    let limit = limits.max_decompressed_bytes;
+    if bytes > limit { Err(ReadError::DecompressedTooLarge { limit }) } else { Ok(()) }
 }
 
 /// Reads what follows the pixels: a length beyond the end of the file shows there.

@@ -9,6 +9,7 @@ use super::syntax::{Head, Syntax};
 use super::tag::{Tag, TagPath};
 use super::values::{Charset, Item, plain, shorts, uid, whole};
 use super::walk::{Met, Walk};
+use crate::formats::dicom_origin::{DicomOrigin, SEGMENTED_SERIES};
 use crate::formats::read::error::ReadError;
 use crate::space::VolumeNotice;
 
@@ -38,6 +39,7 @@ pub(super) struct Seg {
     shared: Groups,
     plane: Option<Plane>,
     frames: Vec<Frame>,
+    origin: DicomOrigin,
 }
 
 /// SegmentationType.
@@ -60,6 +62,8 @@ pub(super) struct Described {
     pub background: Option<u16>,
     /// Head of the pixels.
     pub pixels: Head,
+    /// What results take over.
+    pub origin: DicomOrigin,
 }
 
 impl Described {
@@ -87,6 +91,7 @@ impl Seg {
 
     /// Takes in a value that no sequence holds.
     fn value(&mut self, tag: Tag, bytes: &[u8]) -> Result<(), ReadError> {
+        self.origin.keep(tag.halves(), bytes);
         let short = shorts(bytes, self.is_big_endian).first().copied();
         match tag {
             Tag::CHARACTER_SET => self.charset = Charset::of(bytes),
@@ -111,7 +116,12 @@ impl Seg {
     /// Takes in an item of a sequence that no other holds.
     fn item(&mut self, sequence: Tag, number: u32, item: &Item) -> Result<(), ReadError> {
         match sequence {
-            Tag::REFERENCED_SERIES => self.series = self.series.take().or(item.bytes(Tag::SERIES).and_then(uid)),
+            Tag::REFERENCED_SERIES => {
+                if let (1, Some(series)) = (number, item.bytes(Tag::SERIES)) {
+                    self.origin.keep(SEGMENTED_SERIES, series);
+                }
+                self.series = self.series.take().or(item.bytes(Tag::SERIES).and_then(uid));
+            }
             Tag::SEGMENTS => self.segments.add(item, number, self.charset)?,
             Tag::SHARED_GROUPS => self.shared = Groups::read(item, &TagPath::top(sequence).item(number))?,
             Tag::FRAME_GROUPS => {
@@ -191,7 +201,7 @@ impl Seg {
         check_once(&self.frames, &stack.slice_of)?;
         let background = self.background.filter(|_| self.kind == Type::Labelmap);
         let (plane, segments) = (lengths[0] * lengths[1], self.segments);
-        Ok(Described { kind, plane, frames: self.frames, stack, segments, background, pixels })
+        Ok(Described { kind, plane, frames: self.frames, stack, segments, background, pixels, origin: self.origin })
     }
 
     fn pixel_kind(&self) -> Result<Kind, ReadError> {

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::origin::is_taken_over;
+use crate::formats::dicom_origin::{self, DicomOrigin};
 
 /// Group and element of a DICOM attribute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -57,6 +57,12 @@ impl Tag {
     pub(super) const FRAME_GROUPS: Self = Self(0x5200_9230);
     pub(super) const PIXELS: Self = Self(0x7fe0_0010);
 
+    /// Group and element.
+    pub(super) fn halves(self) -> dicom_origin::Tag {
+        let [a, b, c, d] = self.0.to_be_bytes();
+        (u16::from_be_bytes([a, b]), u16::from_be_bytes([c, d]))
+    }
+
     /// Whether it frames others instead of holding a value.
     pub(super) fn is_frame(self) -> bool {
         self.0 >> 16 == 0xfffe
@@ -95,7 +101,7 @@ pub(super) fn usage(parent: Option<Tag>, tag: Tag) -> Use {
     };
     if sequences.contains(&tag) {
         Use::Sequence
-    } else if values.contains(&tag) || (parent.is_none() && is_taken_over(tag)) {
+    } else if values.contains(&tag) || (parent.is_none() && DicomOrigin::wants(tag.halves())) {
         Use::Value
     } else {
         Use::None

@@ -1,11 +1,10 @@
 //! What is kept of a data set, and what its bytes say: numbers, texts, UIDs.
 
 use super::tag::Tag;
+use super::uid::Uid;
 
 /// Numbers from here on are no place in a patient, mm.
 const MAX_NUMBER: f64 = 1e7;
-/// Characters of a UID.
-const MAX_UID_CHARS: usize = 64;
 /// Characters of a name, as of all formats; DICOM allows 64.
 const MAX_TEXT_CHARS: usize = 80;
 
@@ -92,11 +91,9 @@ pub(super) fn whole(bytes: &[u8]) -> Option<u64> {
     plain(bytes)?.parse().ok()
 }
 
-/// A UID: digits and points. Anything else is none, so that no other text passes for one.
+/// A UID: numbers with points between them. Anything else is none, so that no other text passes for one.
 pub(super) fn uid(bytes: &[u8]) -> Option<String> {
-    let text = plain(bytes)?;
-    let is_uid = (1..=MAX_UID_CHARS).contains(&text.len()) && text.bytes().all(|b| b.is_ascii_digit() || b == b'.');
-    is_uid.then(|| text.to_owned())
+    Some(Uid::of_file(bytes)?.to_string())
 }
 
 /// How texts are written (SpecificCharacterSet).

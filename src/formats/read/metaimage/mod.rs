@@ -46,5 +46,6 @@ pub(in crate::formats) fn read(stream: &mut Stream<'_>, limits: InputLimits) -> 
     let voxels = read_body(stream, &stored, packing, 0, limits, &mut notices)?;
     let segments = Segments::default();
     let volume = label_volume(voxels, &stored, &segments, world_from_voxel, notices, stream.cancel())?;
-    Ok(Found { volume, format: if stream.is_compressed() { "metaimage.gz" } else { "metaimage" } })
+    let format = if stream.is_compressed() { "metaimage.gz" } else { "metaimage" };
+    Ok(Found { volume, format, origin: None })
 }

@@ -52,7 +52,7 @@ pub(in crate::formats) fn read(stream: &mut Stream<'_>, limits: InputLimits) -> 
     let segments = Segments::of_values(table.labels);
     let volume = label_volume(voxels, &layout.stored, &segments, world_from_voxel, notices, stream.cancel())?;
     let format = format_name(version, stream.is_compressed());
-    Ok(Found { volume, format })
+    Ok(Found { volume, format, origin: None })
 }
 
 fn read_header(stream: &mut Stream<'_>, limits: InputLimits) -> Result<(RawHeader, Layout, Version), ReadError> {

@@ -8,7 +8,7 @@ use crate::formats::read::stored::{ByteOrder, Datatype, Layers, Packing, Stored,
 use crate::formats::read::stream::Stream;
 
 /// Label maps in one file: Slicer writes one for each overlap, Slicer 4 one for each segment, and there are atlases of
-/// hundreds. Each takes memory of its own before a voxel has come.
+/// hundreds. Each is looked at by itself.
 const MAX_LAYERS: usize = 1024;
 /// Voxels of all layers, in times of what one may have.
 const LAYERED: u64 = 4;
@@ -145,9 +145,9 @@ fn layer_axis(header: &Header, sizes: &Line, lengths: &[usize]) -> Result<usize,
     let directions = fields.get("space directions").map(vectors).transpose()?.unwrap_or_default();
     let has_direction = |axis: usize| directions.get(axis).map(Option::is_some);
     let is_list = match kinds.first().map(String::as_str) {
-        Some("list" | "none" | "???") => has_direction(0) != Some(true),
+        Some("list") => has_direction(0) != Some(true),
+        Some("none" | "???") | None => has_direction(0) == Some(false),
         Some(_) => false,
-        None => has_direction(0) == Some(false),
     };
     if is_list || (lengths.first() == Some(&1) && has_direction(0) == Some(false)) {
         return Ok(0);

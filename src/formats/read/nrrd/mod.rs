@@ -62,5 +62,6 @@ pub(in crate::formats) fn read(stream: &mut Stream<'_>, limits: InputLimits) -> 
     let voxels = read_body(stream, &stored, packing, skipped_bytes, limits, &mut notices)?;
     let segments = header.segments.of_layers(stored.layers.count, &mut notices);
     let volume = label_volume(voxels, &stored, &segments, world_from_voxel, notices, stream.cancel())?;
-    Ok(Found { volume, format: if stream.is_compressed() { "nrrd.gz" } else { "nrrd" } })
+    let format = if stream.is_compressed() { "nrrd.gz" } else { "nrrd" };
+    Ok(Found { volume, format, origin: None })
 }

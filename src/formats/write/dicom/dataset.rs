@@ -51,7 +51,8 @@ impl Text {
             Self::Tm => 14,
             Self::Dt => 26,
             Self::Lo | Self::Ui => 64,
-            Self::St | Self::Ut => 1024,
+            Self::St => 1024,
+            Self::Ut => usize::MAX,
         }
     }
 
@@ -186,7 +187,7 @@ fn put_tag(out: &mut Vec<u8>, (group, element): Tag) {
     out.extend(element.to_le_bytes());
 }
 
-/// A length of four bytes. More than they tell is refused before: see [`super::write`].
+/// A length of four bytes. Files that are put in are refused when they are longer than these tell; all else is shorter.
 fn length(bytes: usize) -> [u8; 4] {
     u32::try_from(bytes).unwrap_or(u32::MAX).to_le_bytes()
 }

@@ -57,7 +57,7 @@ pub(super) fn stl(record: &Record) -> io::Result<Instance> {
     set.code((0x0040, 0xa043), MODEL);
     set.code((0x0040, 0x08ea), MM);
     let frame = record.dicom.as_ref().and_then(|origin| origin.uid(FRAME_OF_REFERENCE_UID));
-    let own = uid::of(record, "frame of reference");
+    let own = uid::of_mask(record, "frame of reference");
     set.text(FRAME_OF_REFERENCE_UID, Text::Ui, frame.unwrap_or(&own));
     set.text((0x0020, 0x1040), Text::Lo, "");
     if let Some(origin) = &record.dicom {

@@ -32,13 +32,19 @@ pub(super) struct Instance {
 
 const UNICODE: &str = "ISO_IR 192";
 
+/// Whether text means the same in every character set: after an escape, bytes of ASCII are letters of another one (ISO 2022).
+fn is_the_same_everywhere(text: &[u8]) -> bool {
+    const ESCAPE: u8 = 0x1b;
+    text.is_ascii() && !text.contains(&ESCAPE)
+}
+
 impl Instance {
     /// With everything but the content.
     pub fn new(record: &Record, kind: Kind) -> Self {
         let nothing = DicomOrigin::default();
         let origin = record.dicom.as_ref().unwrap_or(&nothing);
-        let is_ascii = COPIED.iter().all(|(tag, _)| origin.bytes(*tag).is_ascii());
-        let is_unicode = is_ascii || origin.bytes(SPECIFIC_CHARACTER_SET).trim_ascii_end() == UNICODE.as_bytes();
+        let is_plain = COPIED.iter().all(|(tag, _)| is_the_same_everywhere(origin.bytes(*tag)));
+        let is_unicode = is_plain || origin.bytes(SPECIFIC_CHARACTER_SET).trim_ascii_end() == UNICODE.as_bytes();
         let uid = uid::of(record, kind.artifact);
         let mut own = Self { dataset: Dataset::default(), class: kind.class, uid, is_unicode };
         own.add_patient_and_study(record, origin);
@@ -61,7 +67,7 @@ impl Instance {
             }
         }
         if origin.uid(STUDY_INSTANCE_UID).is_none() {
-            set.text(STUDY_INSTANCE_UID, Text::Ui, &uid::of(record, "study"));
+            set.text(STUDY_INSTANCE_UID, Text::Ui, &uid::of_mask(record, "study"));
         }
         if record.dicom.is_none() {
             // Said of all times of an object: those of another's study may be of another zone.

@@ -56,7 +56,7 @@ impl<'a> Content<'a> {
         let mut digits = String::new();
         for character in text.chars() {
             let glyph = face.glyph(character);
-            used.0.entry(face).or_default().entry(glyph).or_insert(character);
+            used.0.entry(face).or_default().entry(glyph).or_insert(face.shown(character));
             digits.push_str(&format!("{glyph:04X}"));
         }
         let font = fonts::resource(face);

@@ -44,15 +44,17 @@ pub fn picture(record: &Record) -> Page {
     }
 }
 
-/// Pages that are drawn at a time: as many as machines have cores, and few enough for their memory.
-const AT_A_TIME: usize = 8;
+/// Pages that are drawn at a time: a picture takes 50 MiB while it is drawn, and a run has 256 MiB.
+const AT_A_TIME: usize = 2;
+/// Structures that have rows and a page in a report. A body has some hundreds; who has more reads the numbers elsewhere.
+const MOST_STRUCTURES: usize = 500;
 
 /// A page for each structure, with everything that its verdict rests on; of several structures some before them that
 /// show them together.
 pub fn pages(record: &Record) -> impl Iterator<Item = Page> + '_ {
     let structures = &record.model.structures;
     let overview = if structures.len() > 1 { overview::pages(record) } else { Vec::new() };
-    let each = structures.chunks(AT_A_TIME).flat_map(move |some| {
+    let each = structures[..structures.len().min(MOST_STRUCTURES)].chunks(AT_A_TIME).flat_map(move |some| {
         let page = |structure| structure::page(record, structure, structure::Detail::Report);
         some.par_iter().map(page).collect::<Vec<Page>>()
     });

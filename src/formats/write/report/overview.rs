@@ -2,7 +2,7 @@
 
 use super::provenance::{add_foot, add_head, is_oriented};
 use super::views::{Shown, add_badge, add_views, picture};
-use super::{EDGE, INNER, SMALL, STRONG, TEXT, WIDTH, told, verdict};
+use super::{EDGE, INNER, MOST_STRUCTURES, SMALL, STRONG, TEXT, WIDTH, told, verdict};
 use crate::drawing::page::{INK, QUIET};
 use crate::drawing::{Page, Range, Solid, View};
 use crate::formats::write::record::Record;
@@ -36,11 +36,17 @@ pub(super) fn page(record: &Record) -> Page {
 
 /// The pages of a report.
 pub(super) fn pages(record: &Record) -> Vec<Page> {
-    let (mut pages, count) = (Vec::new(), record.model.structures.len());
+    let (mut pages, all) = (Vec::new(), record.model.structures.len());
+    let count = all.min(MOST_STRUCTURES);
     let mut first = 0;
     while first < count {
         let rows = PAGE_ROWS[usize::from(first > 0)];
-        let (mut page, end) = with_rows(record, first..count.min(first + rows));
+        let (mut page, mut end) = with_rows(record, first..count.min(first + rows));
+        if all > count && first + rows >= count {
+            let words = format!("and {} more structures: thickness.json has all numbers", all - count);
+            page.words(&words, [EDGE, end + 18.0], TEXT, INK);
+            end += 24.0;
+        }
         page.size[1] = add_foot(&mut page, end, record) + 16.0;
         pages.push(page);
         first += rows;
