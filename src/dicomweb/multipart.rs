@@ -361,6 +361,10 @@ where
     }
 
     fn poll_step(&mut self, context: &mut Context<'_>) -> Poll<Result<Step, MultipartError>> {
+        // It is final: a body that has ended must not be asked for more.
+        if let Some(fault) = self.fault {
+            return Poll::Ready(Err(fault));
+        }
         let step = ready!(self.poll_step_once(context));
         if let Err(error) = step {
             self.fault = Some(error);
@@ -438,6 +442,8 @@ where
 
 #[cfg(test)]
 mod tests {
+    use futures_util::stream;
+
     use super::*;
 
     const LIMITS: MultipartLimits = MultipartLimits { max_bytes: 1 << 20, max_parts: 3 };
@@ -500,6 +506,20 @@ mod tests {
         assert_eq!(split(encoded), Err(MultipartError::Encoded { part: 1 }));
         assert_eq!(split(long(b"--X\r\n\r\n", 1 << 20)), Err(MultipartError::TooLarge { limit: 1 << 20 }));
         assert_eq!(split(b"--X\r\n\r\n\r\n".repeat(4)), Err(MultipartError::TooManyParts { limit: 3 }));
+    }
+
+    #[tokio::test]
+    async fn a_fault_is_told_again_and_the_body_not_asked_for_more() {
+        // It panics where it is polled after its end.
+        let body = Box::pin(stream::unfold(Some(()), |begun| async move {
+            begun.map(|()| (Ok(Bytes::from_static(b"--X\r\n\r\nabc")), None))
+        }));
+        let mut parts = Parts::new(body, "X", LIMITS);
+        let mut part = parts.next_part().await.expect("a part").expect("a part");
+        assert_eq!(part.peek(10).await, Err(MultipartError::CutOff));
+        assert_eq!(part.peek(10).await, Err(MultipartError::CutOff));
+        assert_eq!(parts.next_part().await.err(), Some(MultipartError::CutOff));
+        assert_eq!(parts.fault(), Some(MultipartError::CutOff));
     }
 
     #[test]

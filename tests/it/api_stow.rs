@@ -169,6 +169,8 @@ async fn requests_that_are_no_stow_are_told_so() {
     let whole = related(&[seg("1.2.3")]);
     let cut = whole[..whole.len() - 4].to_vec();
     store(&server, "/dicom-web/studies", cut.into()).await.is_problem(400, "upload_interrupted");
+    let large = [b"--X\r\n\r\n", seg("1.2.3").as_slice(), &[0; 20 << 10]].concat();
+    store(&server, "/dicom-web/studies", large.into()).await.is_problem(400, "upload_interrupted");
     store_files(&server, &[]).await.is_problem(400, "empty_upload");
     let text = "no boundary".repeat(1000);
     store(&server, "/dicom-web/studies", text.into()).await.is_problem(400, "invalid_multipart");
