@@ -114,6 +114,9 @@ pub mod problem;
 mod media_type;
 
 #[cfg(feature = "service")]
+mod name;
+
+#[cfg(feature = "service")]
 mod outbound;
 
 #[cfg(feature = "service")]

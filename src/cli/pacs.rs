@@ -2,18 +2,16 @@
 
 use std::env::{self, VarError};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::str::FromStr;
 use std::time::Duration;
 
 use anyhow::{Context, bail, ensure};
 
-use crate::dicomweb::{Credentials, PacsConfig, PacsServer};
+use crate::dicomweb::{CREDENTIALS_ENV, Credentials, PacsConfig, PacsServer};
 
 /// Longest time to connect to an archive; it is near.
 const CONNECT: Duration = Duration::from_secs(5);
-/// Where credentials are looked for that no file is named for: this and the name in capitals.
-const CREDENTIALS_ENV: &str = "MEDIALREP_PACS_CREDENTIALS_";
 
 /// Archives that masks may be fetched from.
 #[derive(Debug, clap::Args)]
@@ -26,7 +24,7 @@ pub(super) struct PacsArgs {
 
     /// File with what a PACS asks for, one line: USER:PASSWORD or Bearer TOKEN. Where none is named, the variable
     /// MEDIALREP_PACS_CREDENTIALS_NAME is looked at, the name in capitals, with _ for dots and hyphens.
-    #[arg(long, env = "MEDIALREP_PACS_CREDENTIALS", value_delimiter = ',', value_name = "NAME=FILE")]
+    #[arg(long, env = CREDENTIALS_ENV, value_delimiter = ',', value_name = "NAME=FILE")]
     pacs_credentials: Vec<String>,
 
     /// File with certificates (PEM) that are trusted beside the public ones: those of the hospital.
@@ -44,10 +42,23 @@ struct CredentialsFile {
 impl FromStr for CredentialsFile {
     type Err = anyhow::Error;
 
+    /// Says nothing of the text: a password may stand in the place of the file.
     fn from_str(text: &str) -> anyhow::Result<Self> {
-        let (name, file) =
-            text.split_once('=').context("--pacs-credentials is NAME=FILE, with the name of a --pacs")?;
+        let (name, file) = text.split_once('=').with_context(|| {
+            format!("--pacs-credentials (or {CREDENTIALS_ENV}) is NAME=FILE, with the name of a --pacs")
+        })?;
         Ok(Self { name: name.to_owned(), file: file.into() })
+    }
+}
+
+impl CredentialsFile {
+    /// Names the option and the archive, never the file, as above.
+    fn read(&self) -> anyhow::Result<Credentials> {
+        let name = &self.name;
+        let text = fs::read_to_string(&self.file).with_context(|| {
+            format!("cannot read the file that --pacs-credentials (or {CREDENTIALS_ENV}) names for {name}")
+        })?;
+        text.trim().parse().with_context(|| format!("in the file that --pacs-credentials names for {name}"))
     }
 }
 
@@ -75,7 +86,7 @@ impl PacsArgs {
         for server in &mut servers {
             let file = files.iter().find(|given| given.name == server.name);
             server.credentials = match file {
-                Some(given) => Some(credentials_in(&given.file)?),
+                Some(given) => Some(given.read()?),
                 None => credentials_of_environment(&server.name)?,
             };
         }
@@ -94,21 +105,24 @@ impl PacsArgs {
         let mut servers: Vec<PacsServer> = Vec::new();
         for (at, text) in self.pacs.iter().enumerate() {
             let server: PacsServer = text.trim().parse().with_context(|| format!("in --pacs number {}", at + 1))?;
-            let is_new = servers.iter().all(|other| other.name != server.name);
-            ensure!(is_new, "two --pacs are named {}", server.name);
+            let variable = variable_of(&server.name);
+            if let Some(other) = servers.iter().find(|other| variable_of(&other.name) == variable) {
+                ensure!(other.name != server.name, "two --pacs are named {}", server.name);
+                bail!("the --pacs {} and {} share the variable {variable}: rename one", other.name, server.name);
+            }
             servers.push(server);
         }
         Ok(servers)
     }
 }
 
-fn credentials_in(file: &Path) -> anyhow::Result<Credentials> {
-    let text = fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
-    text.trim().parse().with_context(|| format!("in {}", file.display()))
+/// Where the credentials of an archive are looked for that no file is named for.
+fn variable_of(name: &str) -> String {
+    format!("{CREDENTIALS_ENV}_{}", name.to_ascii_uppercase().replace(['.', '-'], "_"))
 }
 
 fn credentials_of_environment(name: &str) -> anyhow::Result<Option<Credentials>> {
-    let variable = format!("{CREDENTIALS_ENV}{}", name.to_ascii_uppercase().replace(['.', '-'], "_"));
+    let variable = variable_of(name);
     match env::var(&variable) {
         Ok(text) => text.trim().parse().map(Some).with_context(|| format!("in {variable}")),
         Err(VarError::NotPresent) => Ok(None),
@@ -156,8 +170,10 @@ mod tests {
         for (arguments, told) in [
             (vec!["--pacs", url, "--pacs", url], "two --pacs are named main"),
             (vec!["--pacs", url, "--pacs-credentials", "other=/nowhere"], "a name that no --pacs has"),
-            (vec!["--pacs", url, "--pacs-credentials", "main=/nowhere"], "cannot read /nowhere"),
-            (vec!["--pacs", url, "--pacs-credentials", "/nowhere"], "NAME=FILE"),
+            (vec!["--pacs", url, "--pacs-credentials", "main=peer:secret"], "names for main"),
+            (vec!["--pacs", url, "--pacs-credentials", "peer:secret"], "NAME=FILE"),
+            (vec!["--pacs", url, "--pacs", "MAIN=http://127.0.0.1"], "main and MAIN share the variable"),
+            (vec!["--pacs", "a-b=http://127.0.0.1", "--pacs", "a.b=http://127.0.0.1"], "a-b and a.b share"),
             (vec!["--pacs", "main=http://peer:secret@127.0.0.1"], "user name or a password"),
         ] {
             let error = format!("{:#}", config(&arguments).unwrap_err());

@@ -283,8 +283,9 @@ impl WebhookArgs {
         }
         let targets = Targets::parse(&self.webhook_targets, &self.webhook_networks)?;
         let file = self.webhook_secret_file.as_ref().context("webhooks need --webhook-secret-file")?;
-        let secret = fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
-        let secret: Secret = secret.trim().parse().with_context(|| format!("in {}", file.display()))?;
+        // The secret itself may stand in the place of the file.
+        let secret = fs::read_to_string(file).context("cannot read the file of --webhook-secret-file")?;
+        let secret: Secret = secret.trim().parse().context("in the file of --webhook-secret-file")?;
         let mut config = WebhookConfig::new(targets, secret);
         if let Some(file) = &self.webhook_ca_file {
             config.extra_roots = fs::read(file).with_context(|| format!("cannot read {}", file.display()))?;
@@ -380,5 +381,14 @@ mod tests {
     fn what_is_not_set_is_as_the_configuration_has_it() {
         let Command { serve } = Command::try_parse_from(["medialrep"]).unwrap();
         assert_eq!(serve.config().unwrap(), ServeConfig::default());
+    }
+
+    #[test]
+    fn a_secret_in_the_place_of_its_file_is_not_repeated() {
+        let target = "https://pacs.example.org/hooks/";
+        let arguments = ["medialrep", "--webhook-targets", target, "--webhook-secret-file", "whsec_abc"];
+        let Command { serve } = Command::try_parse_from(arguments).unwrap();
+        let told = format!("{:#}", serve.config().unwrap_err());
+        assert!(told.contains("--webhook-secret-file") && !told.contains("whsec_"), "{told}");
     }
 }

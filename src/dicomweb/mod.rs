@@ -11,4 +11,4 @@ pub mod server;
 pub mod client;
 
 pub use client::{FetchError, Pacs, PacsError, Wanted};
-pub use server::{Credentials, PacsConfig, PacsServer, ServerError};
+pub use server::{CREDENTIALS_ENV, Credentials, PacsConfig, PacsServer, ServerError};

@@ -9,8 +9,7 @@ use base64::engine::general_purpose::STANDARD;
 use reqwest::Url;
 use reqwest::header::HeaderValue;
 
-/// Longest name.
-const MAX_NAME: usize = 64;
+use crate::name::{MAX_NAME, is_name};
 
 /// An archive.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -74,12 +73,8 @@ impl FromStr for PacsServer {
     }
 }
 
-/// Whether this can be the name of an archive.
-#[must_use]
-pub fn is_name(text: &str) -> bool {
-    let is_allowed = |byte: u8| byte.is_ascii_alphanumeric() || matches!(byte, b'.' | b'-' | b'_');
-    (1..=MAX_NAME).contains(&text.len()) && text.bytes().all(is_allowed)
-}
+/// Variables of the environment that hold credentials begin so. Processes that need none are started without them.
+pub const CREDENTIALS_ENV: &str = "MEDIALREP_PACS_CREDENTIALS";
 
 /// What an archive asks for. Never shown.
 #[derive(Clone, PartialEq, Eq)]

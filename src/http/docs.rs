@@ -3,6 +3,7 @@
 use std::sync::{Arc, LazyLock};
 
 use axum::extract::Path;
+use axum::extract::rejection::PathRejection;
 use axum::http::header::{CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE};
 use axum::response::{IntoResponse, Redirect, Response};
 use utoipa_swagger_ui::{Config, serve};
@@ -21,10 +22,11 @@ pub async fn page() -> Redirect {
 }
 
 /// A file of the page.
-pub async fn file(Path(name): Path<String>) -> Result<Response, ApiError> {
+pub async fn file(name: Result<Path<String>, PathRejection>) -> Result<Response, ApiError> {
     // Nothing is checked by a server elsewhere.
     static CONFIG: LazyLock<Arc<Config<'static>>> =
         LazyLock::new(|| Arc::new(Config::from("/openapi.yaml").validator_url("none")));
+    let Ok(Path(name)) = name else { return Err(no_such_route_here()) };
     let found = serve(&name, Arc::clone(&CONFIG)).map_err(|_| Problem::internal())?;
     let found = found.ok_or_else(no_such_route_here)?;
     let headers =

@@ -164,6 +164,8 @@ impl From<SourceError> for ApiError {
             }
             SourceError::Several { .. } => Problem::new(422, "source_is_ambiguous", detail)
                 .hint("name the one that is meant in source.dicomweb.instance"),
+            SourceError::Wrong(_) => Problem::new(502, "source_malformed", detail)
+                .hint("for who runs the PACS to look at: what it sends for this study, series and instance"),
             SourceError::TooLarge { .. } => Problem::new(413, "source_too_large", detail).hint(
                 "name the instance in source.dicomweb.instance; if that is too large itself, GET /v1/limits says \
                        how much is taken",

@@ -6,13 +6,13 @@ use std::time::Duration;
 
 use axum::Json;
 use axum::body::BodyDataStream;
+use axum::extract::rejection::PathRejection;
 use axum::extract::{Path, Request, State};
 use axum::http::header::{CONTENT_TYPE, LINK};
 use axum::http::{HeaderMap, HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
 use futures_util::{StreamExt, stream};
 use serde_json::{Value, json};
-use tokio::task::spawn_blocking;
 use tokio::time::{Instant, timeout, timeout_at};
 
 use super::auth::{Allowed, TokenProblems, Write};
@@ -23,11 +23,12 @@ use super::submit::refuse_encoded;
 use super::view::path_of;
 use crate::dicomweb::multipart::{Chunks, MultipartError, MultipartLimits, Part, Parts, boundary_of};
 use crate::formats::{IDENTITY_BYTES, Identity, Uid};
+use crate::jobs::blocking::on_own_thread;
 use crate::jobs::caller::Caller;
 use crate::jobs::job::{JobId, RequestedParams};
 use crate::jobs::service::Jobs;
 use crate::jobs::submission::Submission;
-use crate::jobs::upload::{self, Received, UploadError};
+use crate::jobs::upload::{self, Received, UploadError, UploadLimits};
 use crate::problem::Problem;
 
 /// Instances of one request. Archives send a series or a study; with no bound, the answer has none.
@@ -59,6 +60,33 @@ struct Stored {
     outcome: Result<JobId, Failure>,
 }
 
+/// What both routes may answer; only described, never made.
+#[derive(utoipa::IntoResponses)]
+#[expect(dead_code, reason = "describes answers, is none")]
+pub enum StoreProblems {
+    /// `empty_upload`, `upload_interrupted`, `invalid_multipart`
+    #[response(status = 400, content_type = "application/problem+json")]
+    Malformed(Problem),
+    /// `upload_too_slow`
+    #[response(status = 408, content_type = "application/problem+json")]
+    TooSlow(Problem),
+    /// `upload_too_large`
+    #[response(status = 413, content_type = "application/problem+json")]
+    TooLarge(Problem),
+    /// `not_multipart_dicom`, `content_encoding`
+    #[response(status = 415, content_type = "application/problem+json")]
+    OtherKind(Problem),
+    /// `queue_share_full`, `too_many_requests`
+    #[response(status = 429, content_type = "application/problem+json")]
+    TooMany(Problem),
+    /// `queue_full`, `store_unavailable`
+    #[response(status = 503, content_type = "application/problem+json")]
+    Busy(Problem),
+    /// `storage_full`, `storage_low`, `storage_share_full`
+    #[response(status = 507, content_type = "application/problem+json")]
+    NoRoom(Problem),
+}
+
 /// Store segmentations (STOW-RS).
 ///
 /// Each becomes a job with the default parameters. An instance that was stored before, byte for byte, gives the job
@@ -69,15 +97,9 @@ struct Stored {
     responses(
         (status = 200, body = Object, content_type = DICOM_JSON, description = "Every instance is a job: ReferencedSOPSequence (00081199) has them with RetrieveURL (00081190)", headers(("Link" = String, description = "The jobs, `rel=\"monitor\"`: the first 32"))),
         (status = 202, body = Object, content_type = DICOM_JSON, description = "Some are, others stand in FailedSOPSequence (00081198) or OtherFailuresSequence (0008119A) with FailureReason (00081197)", headers(("Link" = String, description = "The jobs, `rel=\"monitor\"`: the first 32"))),
-        (status = 400, body = Problem, content_type = PROBLEM_JSON, description = "`empty_upload`, `upload_interrupted`, `invalid_multipart`"),
-        TokenProblems,
-        (status = 408, body = Problem, content_type = PROBLEM_JSON, description = "`upload_too_slow`"),
         (status = 409, body = Object, content_type = DICOM_JSON, description = "None is a job"),
-        (status = 413, body = Problem, content_type = PROBLEM_JSON, description = "`upload_too_large`"),
-        (status = 415, body = Problem, content_type = PROBLEM_JSON, description = "`not_multipart_dicom`, `content_encoding`"),
-        (status = 429, body = Problem, content_type = PROBLEM_JSON, description = "`queue_share_full`, `too_many_requests`"),
-        (status = 503, body = Problem, content_type = PROBLEM_JSON, description = "`queue_full`"),
-        (status = 507, body = Problem, content_type = PROBLEM_JSON, description = "`storage_full`, `storage_low`, `storage_share_full`")
+        TokenProblems,
+        StoreProblems
     )
 )]
 pub async fn store(
@@ -98,24 +120,19 @@ pub async fn store(
     responses(
         (status = 200, body = Object, content_type = DICOM_JSON, description = "Every instance is a job", headers(("Link" = String, description = "The jobs, `rel=\"monitor\"`: the first 32"))),
         (status = 202, body = Object, content_type = DICOM_JSON, description = "Some are", headers(("Link" = String, description = "The jobs, `rel=\"monitor\"`: the first 32"))),
-        (status = 400, body = Problem, content_type = PROBLEM_JSON, description = "`empty_upload`, `upload_interrupted`, `invalid_multipart`"),
-        TokenProblems,
-        (status = 408, body = Problem, content_type = PROBLEM_JSON, description = "`upload_too_slow`"),
         (status = 409, body = Object, content_type = DICOM_JSON, description = "None is a job"),
-        (status = 413, body = Problem, content_type = PROBLEM_JSON, description = "`upload_too_large`"),
-        (status = 415, body = Problem, content_type = PROBLEM_JSON, description = "`not_multipart_dicom`, `content_encoding`"),
-        (status = 422, body = Problem, content_type = PROBLEM_JSON, description = "`invalid_uid`"),
-        (status = 429, body = Problem, content_type = PROBLEM_JSON, description = "`queue_share_full`, `too_many_requests`"),
-        (status = 503, body = Problem, content_type = PROBLEM_JSON, description = "`queue_full`"),
-        (status = 507, body = Problem, content_type = PROBLEM_JSON, description = "`storage_full`, `storage_low`, `storage_share_full`")
+        TokenProblems,
+        StoreProblems,
+        (status = 422, body = Problem, content_type = PROBLEM_JSON, description = "`invalid_uid`")
     )
 )]
 pub async fn store_in_study(
     State(jobs): State<Arc<Jobs>>,
     allowed: Allowed<Write>,
-    Path(study): Path<String>,
+    study: Result<Path<String>, PathRejection>,
     request: Request,
 ) -> Result<Response, ApiError> {
+    let study = study.map_or_else(|_| String::new(), |Path(study)| study);
     let study = uid("path.study", &study)?;
     Ok(answer(&receive(&jobs, &allowed.caller, Some(&study), request).await?))
 }
@@ -132,9 +149,13 @@ async fn receive(jobs: &Jobs, caller: &Caller, study: Option<&Uid>, request: Req
     let deadline = Instant::now() + jobs.limits().upload.total;
     let mut stored = Vec::new();
     loop {
+        // Small parts may come faster than the clock is asked below.
+        if Instant::now() >= deadline {
+            return Err(UploadError::TooSlow.into());
+        }
         let next = timeout_at(deadline, parts.next_part()).await.map_err(|_| UploadError::TooSlow)?;
         let Some(part) = next.map_err(unusable)? else { break };
-        let one = store_one(jobs, caller, study, part).await;
+        let one = store_one(jobs, caller, study, (part, deadline)).await;
         // What keeps a file tells only that its bytes ended early.
         stored.push(one.map_err(|error| parts.fault().map_or(error, unusable))?);
     }
@@ -152,23 +173,26 @@ fn watched(body: BodyDataStream, idle: Duration) -> Chunks {
     }))
 }
 
+/// Takes one instance, until `deadline` at the most.
+///
 /// # Errors
 /// What breaks the request as a whole.
 async fn store_one(
     jobs: &Jobs,
     caller: &Caller,
     study: Option<&Uid>,
-    mut part: Part<'_, Chunks>,
+    (mut part, deadline): (Part<'_, Chunks>, Instant),
 ) -> Result<Stored, ApiError> {
-    let head = timeout(jobs.limits().upload.idle, part.peek(IDENTITY_BYTES)).await.map_err(|_| UploadError::TooSlow)?;
-    let identity = Identity::of(head.map_err(unusable)?).unwrap_or_default();
+    let head = timeout_at(deadline, part.peek(IDENTITY_BYTES)).await.map_err(|_| UploadError::TooSlow)?;
+    let identity = Identity::of_head(head.map_err(unusable)?).unwrap_or_default();
     let is_segmentation = identity.is_segmentation();
     let (Some(class), Some(instance)) = (identity.class, identity.instance) else {
         return Ok(Stored { reference: None, outcome: Err(Failure::Refused) });
     };
     let outcome = if is_segmentation {
-        let received = upload::receive((jobs.blobs(), jobs.limits().min_free_bytes), jobs.limits().upload, part).await;
-        match received {
+        let left = deadline.saturating_duration_since(Instant::now());
+        let limits = UploadLimits { total: left, ..jobs.limits().upload };
+        match upload::receive((jobs.blobs(), jobs.limits().min_free_bytes), limits, part).await {
             Ok(received) => submit(jobs, caller, study, &instance, received).await,
             Err(error @ (UploadError::Interrupted | UploadError::TooSlow)) => return Err(error.into()),
             Err(error) => Err(failure(error.into())),
@@ -186,16 +210,12 @@ async fn submit(
     instance: &Uid,
     upload: Received,
 ) -> Result<JobId, Failure> {
-    if let Some(study) = study {
-        let file = upload.file.to_path_buf();
-        let found = spawn_blocking(move || Identity::of(File::open(file).ok()?)?.study).await.unwrap_or_default();
-        if found.as_ref() != Some(study) {
-            upload.forget().await;
-            return Err(Failure::Refused);
-        }
-    }
     // An archive that does not know whether its request arrived sends it again.
     let key = format!("stow {instance} {}", upload.mask.sha256);
+    if let Err(failure) = check(jobs, caller, study, &key, &upload).await {
+        upload.forget().await;
+        return Err(failure);
+    }
     let submission = Submission {
         upload,
         params: RequestedParams::parse(None).map_err(|_| Failure::OurFault)?,
@@ -206,6 +226,20 @@ async fn submit(
     };
     let accepted = jobs.submit(caller, submission).await;
     accepted.map(|accepted| accepted.status.job.id).map_err(|error| failure(error.into()))
+}
+
+/// Whether there is room for an instance now, those before it counted, and it is of the study that the request is for.
+async fn check(jobs: &Jobs, caller: &Caller, study: Option<&Uid>, key: &str, upload: &Received) -> Result<(), Failure> {
+    jobs.admit(caller, upload.mask.bytes, Some(key)).await.map_err(|error| failure(error.into()))?;
+    let Some(study) = study else { return Ok(()) };
+    let file = upload.file.to_path_buf();
+    let found = on_own_thread(move || Identity::of_file(File::open(file)?)).await;
+    let found = found.map_err(|error| failure(UploadError::Storage(error).into()))?;
+    if found.and_then(|identity| identity.study).as_ref() == Some(study) {
+        return Ok(());
+    }
+    tracing::info!("an instance that is of another study than its request was not stored");
+    Err(Failure::Refused)
 }
 
 /// The reason that comes nearest to a problem, whose code is logged.

@@ -26,9 +26,9 @@ use crate::jobs::caller::Caller;
 use crate::jobs::job::RequestedParams;
 use crate::jobs::service::Jobs;
 use crate::jobs::submission::Submission;
-use crate::jobs::token::{MAX_NAME, is_name};
 use crate::jobs::upload::{self, Received, UploadError};
 use crate::media_type::parameter;
+use crate::name::{MAX_NAME, is_name};
 use crate::problem::Problem;
 
 /// What a form may hold beside the mask.
@@ -161,7 +161,10 @@ async fn receive_form(
 }
 
 fn given_twice() -> ApiError {
-    invalid_form("mask, params, labels or callback_url is given twice")
+    Problem::new(400, "invalid_multipart", "mask, params, labels or callback_url is given twice")
+        .at("query and body")
+        .hint("give each once, in the query or in the body (form or JSON)")
+        .into()
 }
 
 fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>, ApiError> {
@@ -231,7 +234,7 @@ pub(super) fn refuse_encoded(headers: &HeaderMap) -> Result<(), ApiError> {
         codings if codings.is_empty() || codings.eq_ignore_ascii_case("identity") => Ok(()),
         _ => Err(Problem::new(415, "content_encoding", "the body has a Content-Encoding")
             .at("header Content-Encoding")
-            .hint("send the .nii.gz itself as the body, without Content-Encoding")
+            .hint("send the body as it is, without Content-Encoding; a mask may be a compressed file (.nii.gz)")
             .into()),
     }
 }

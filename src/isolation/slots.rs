@@ -1,5 +1,6 @@
 //! Starts children, hands them runs, and tells what became of those.
 
+use std::ffi::OsString;
 use std::io::{self, BufReader, Read};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::{Path, PathBuf};
@@ -11,6 +12,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use super::budget::{Memory, default_memory_bytes, first_share};
 use super::wire::{Outcome, Request, Told, receive, send, written};
+use crate::dicomweb::CREDENTIALS_ENV;
 use crate::formats::params_json::params_to_json;
 use crate::formats::readers::check_header;
 use crate::formats::{HeaderFacts, InputLimits};
@@ -205,6 +207,9 @@ impl Isolation {
         if let Some(threads) = self.threads {
             command.args(["--threads", &threads.to_string()]);
         }
+        for secret in secrets(std::env::vars_os().map(|(name, _)| name)) {
+            command.env_remove(secret);
+        }
         // A group of its own: what is typed at a terminal is for the process that started it.
         command.process_group(0).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn()?;
@@ -212,6 +217,11 @@ impl Isolation {
         let (requests, told) = pipes.ok_or_else(|| io::Error::other("a process has no pipes"))?;
         Ok(Worker { child, requests, told: BufReader::new(told) })
     }
+}
+
+/// Which variables hold what a child, which reads what strangers send, is not to know. The secret of webhooks is in a file.
+fn secrets(names: impl Iterator<Item = OsString>) -> impl Iterator<Item = OsString> {
+    names.filter(|name| name.as_encoded_bytes().starts_with(CREDENTIALS_ENV.as_bytes()))
 }
 
 impl Worker {

@@ -38,7 +38,7 @@ pub mod caller;
 
 pub mod token;
 
-mod blocking;
+pub(crate) mod blocking;
 
 pub mod store;
 

@@ -2,6 +2,7 @@
 //! mask and its hash from the first moment, as any other; what is promised of accepted jobs needs no second thought,
 //! and who sends the request hears at once what is wrong with its source.
 
+use std::future::Future;
 use std::time::Duration;
 
 use tokio::time::{Instant, sleep, timeout_at};
@@ -9,7 +10,7 @@ use tokio::time::{Instant, sleep, timeout_at};
 use super::service::Jobs;
 use super::upload::{self, Received, UploadError, UploadLimits};
 use crate::dicomweb::client::Archive;
-use crate::dicomweb::multipart::{Chunks, MultipartError, Part};
+use crate::dicomweb::multipart::MultipartError;
 use crate::dicomweb::{FetchError, Pacs, Wanted};
 use crate::formats::{IDENTITY_BYTES, Identity};
 
@@ -42,6 +43,9 @@ pub enum SourceError {
         /// As many.
         count: usize,
     },
+    /// The archive sent something other than was asked for. Its own fault, and not that of who sent the request.
+    #[error("the PACS sent something other than was asked for: {0}")]
+    Wrong(WrongAnswer),
     /// More bytes than an upload may have.
     #[error("the answer of the PACS is larger than {limit} bytes")]
     TooLarge {
@@ -54,9 +58,26 @@ pub enum SourceError {
     /// It was not fetched.
     #[error(transparent)]
     Fetch(#[from] FetchError),
-    /// It was fetched and not kept.
+    /// It was fetched and could not be kept.
     #[error(transparent)]
     Upload(UploadError),
+}
+
+/// What an archive sent in place of an instance.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum WrongAnswer {
+    /// A part of no bytes.
+    #[error("a part is empty")]
+    Empty,
+    /// A part that is no file that can hold a mask.
+    #[error("a part is no mask: {0}")]
+    NoMask(String),
+    /// Several parts for one instance.
+    #[error("{0} parts for one instance")]
+    Several(usize),
+    /// The file is another instance.
+    #[error("another instance")]
+    OtherInstance,
 }
 
 impl SourceError {
@@ -100,9 +121,7 @@ impl Jobs {
         let deadline = Instant::now() + self.limits().upload.total;
         let mut waits = WAITS.iter();
         loop {
-            let tried = timeout_at(deadline, self.fetch_once(archive, wanted)).await;
-            let tried = tried.unwrap_or(Err(SourceError::TooSlow));
-            match (tried, waits.next()) {
+            match (self.fetch_once(archive, wanted, deadline).await, waits.next()) {
                 (Err(error), Some(wait)) if error.is_passing() => {
                     tracing::info!(pacs = server, %error, "a mask is fetched again");
                     sleep(*wait).await;
@@ -112,40 +131,95 @@ impl Jobs {
         }
     }
 
-    async fn fetch_once(&self, archive: Archive<'_>, wanted: &Wanted) -> Result<Received, SourceError> {
-        let limits = self.limits().upload;
-        let mut parts = archive.fetch(wanted, limits.max_bytes).await?;
-        let (mut instances, mut count, mut received) = (0, 0, None);
-        while let Some(mut part) = parts.next_part().await.map_err(|error| unusable(error, limits))? {
-            instances += 1;
-            // One that is named is taken whatever it is: its reader says why it is refused.
-            if wanted.instance.is_none() && is_something_else(&mut part, limits).await? {
-                continue;
-            }
-            count += 1;
-            if received.is_none() {
-                let kept = upload::receive((self.blobs(), self.limits().min_free_bytes), limits, &mut part).await;
-                let fault = parts.fault();
-                received = Some(kept.map_err(|error| not_kept(error, fault, limits))?);
+    /// Tries once; nothing is left where it fails.
+    async fn fetch_once(
+        &self,
+        archive: Archive<'_>,
+        wanted: &Wanted,
+        deadline: Instant,
+    ) -> Result<Received, SourceError> {
+        let mut kept = None;
+        let seen = self.take_parts(archive, wanted, deadline, &mut kept).await;
+        match (seen, kept) {
+            (Ok(Seen { masks: 1, .. }), Some(received)) => Ok(received),
+            (seen, kept) => {
+                if let Some(received) = kept {
+                    received.forget().await;
+                }
+                Err(seen.map_or_else(|error| error, |seen| seen.fault(wanted)))
             }
         }
-        match received {
-            Some(received) if count > 1 => {
-                received.forget().await;
-                Err(SourceError::Several { count })
+    }
+
+    /// Keeps the first segmentation of an answer, and counts the others.
+    async fn take_parts(
+        &self,
+        archive: Archive<'_>,
+        wanted: &Wanted,
+        deadline: Instant,
+        kept: &mut Option<Received>,
+    ) -> Result<Seen, SourceError> {
+        let limits = self.limits().upload;
+        let mut parts = in_time(deadline, archive.fetch(wanted, limits.max_bytes)).await??;
+        let mut seen = Seen::default();
+        loop {
+            let next = in_time(deadline, parts.next_part()).await?;
+            let Some(mut part) = next.map_err(|error| unusable(error, limits))? else { return Ok(seen) };
+            seen.instances += 1;
+            let head = in_time(deadline, part.peek(IDENTITY_BYTES)).await?;
+            let identity = Identity::of_head(head.map_err(|error| unusable(error, limits))?).unwrap_or_default();
+            if !is_wanted(wanted, &identity)? {
+                continue;
             }
-            Some(received) => Ok(received),
-            None if instances == 0 => Err(FetchError::NotFound(200).into()),
-            None => Err(SourceError::NoSegmentation { instances }),
+            seen.masks += 1;
+            if kept.is_none() {
+                let left = deadline.saturating_duration_since(Instant::now());
+                // How long an archive may be silent is its client's to tell: with two clocks, chance would say whether it
+                // is asked again.
+                let bounds = UploadLimits { idle: left, total: left, ..limits };
+                let received = upload::receive((self.blobs(), self.limits().min_free_bytes), bounds, &mut part).await;
+                let fault = parts.fault();
+                *kept = Some(received.map_err(|error| not_kept(error, fault, limits))?);
+            }
         }
     }
 }
 
-/// Whether a part says that it is no segmentation.
-async fn is_something_else(part: &mut Part<'_, Chunks>, limits: UploadLimits) -> Result<bool, SourceError> {
-    let head = part.peek(IDENTITY_BYTES).await.map_err(|error| unusable(error, limits))?;
-    let identity = Identity::of(head).filter(|identity| identity.class.is_some());
-    Ok(identity.is_some_and(|identity| !identity.is_segmentation()))
+/// What an answer had.
+#[derive(Clone, Copy, Debug, Default)]
+struct Seen {
+    instances: usize,
+    /// Those of them that may be what is wanted.
+    masks: usize,
+}
+
+impl Seen {
+    /// What it is where it is not one mask.
+    fn fault(self, wanted: &Wanted) -> SourceError {
+        match self {
+            Self { instances: 0, .. } => FetchError::NotFound(200).into(),
+            Self { masks: 0, instances } => SourceError::NoSegmentation { instances },
+            Self { masks, .. } if wanted.instance.is_some() => SourceError::Wrong(WrongAnswer::Several(masks)),
+            Self { masks: count, .. } => SourceError::Several { count },
+        }
+    }
+}
+
+/// Whether a part is kept. One that is named is, whatever it is: its reader says why it is refused. Of a series all are
+/// passed over that say that they are no segmentation.
+///
+/// # Errors
+/// When another instance was named than the part says that it is.
+fn is_wanted(wanted: &Wanted, identity: &Identity) -> Result<bool, SourceError> {
+    match (&wanted.instance, &identity.instance) {
+        (Some(named), Some(found)) if named != found => Err(SourceError::Wrong(WrongAnswer::OtherInstance)),
+        (Some(_), _) => Ok(true),
+        (None, _) => Ok(identity.class.is_none() || identity.is_segmentation()),
+    }
+}
+
+async fn in_time<T>(deadline: Instant, reading: impl Future<Output = T>) -> Result<T, SourceError> {
+    timeout_at(deadline, reading).await.map_err(|_| SourceError::TooSlow)
 }
 
 fn unusable(error: MultipartError, limits: UploadLimits) -> SourceError {
@@ -160,7 +234,9 @@ fn not_kept(error: UploadError, fault: Option<MultipartError>, limits: UploadLim
     match error {
         UploadError::TooLarge { limit } => SourceError::TooLarge { limit },
         UploadError::TooSlow => SourceError::TooSlow,
+        UploadError::Empty => SourceError::Wrong(WrongAnswer::Empty),
+        UploadError::Refused(problem) => SourceError::Wrong(WrongAnswer::NoMask(problem.detail)),
         UploadError::Interrupted => unusable(fault.unwrap_or(MultipartError::Broken), limits),
-        error => SourceError::Upload(error),
+        error @ (UploadError::StorageLow | UploadError::Storage(_)) => SourceError::Upload(error),
     }
 }

@@ -10,6 +10,7 @@ use sha2::{Digest, Sha256};
 use subtle::ConstantTimeEq;
 
 use crate::formats::hex;
+use crate::name::{MAX_NAME, is_name};
 
 const PREFIX: &str = "mrt_";
 const ID_BYTES: usize = 8;
@@ -51,16 +52,6 @@ impl FromStr for Scope {
     }
 }
 
-/// Longest name of a tenant or a label.
-pub const MAX_NAME: usize = 64;
-
-/// Whether a text can name a tenant or a label.
-#[must_use]
-pub fn is_name(text: &str) -> bool {
-    let is_allowed = |c: char| c.is_ascii_alphanumeric() || "._-".contains(c);
-    (1..=MAX_NAME).contains(&text.len()) && text.chars().all(is_allowed)
-}
-
 /// Names a tenant: 1 to 64 letters, digits, dots, hyphens and underscores.
 ///
 /// # Errors
@@ -69,7 +60,7 @@ pub fn check_tenant(name: &str) -> Result<String, String> {
     if is_name(name) {
         return Ok(name.to_owned());
     }
-    Err("a tenant is 1 to 64 letters, digits, dots, hyphens and underscores".to_owned())
+    Err(format!("a tenant is 1 to {MAX_NAME} letters, digits, dots, hyphens and underscores"))
 }
 
 /// What the store keeps of a token.

@@ -5,6 +5,8 @@ use jiff::Timestamp;
 use medialrep::jobs::token::{Scope, Token};
 use serde_json::Value;
 
+use crate::help::dicom_bytes::{Seg, text};
+use crate::help::pacs::{MULTIPART, related};
 use crate::help::support::{Answer, Server, id_of, mask, writes};
 
 /// `Bearer` and a new token.
@@ -99,6 +101,54 @@ async fn a_token_allows_what_its_scopes_say() {
     }
     assert_eq!(call(&server, &watcher, Method::GET, "/metrics").await.status, 200);
     call(&server, &reader, Method::GET, "/metrics").await.is_problem(403, "scope_missing");
+}
+
+/// Routes that an archive stores to.
+const STORES: [&str; 2] = ["/dicom-web/studies", "/dicom-web/studies/1.2.3"];
+
+/// Stores an instance; the path of its job.
+async fn store(server: &Server, token: &str, path: &str) -> String {
+    let mut dicom = Seg::small().dicom();
+    dicom.set(text(0x0008_0016, "UI", "1.2.840.10008.5.1.4.1.1.66.4"));
+    dicom.set(text(0x0008_0018, "UI", "1.2.3.4"));
+    dicom.set(text(0x0020_000d, "UI", "1.2.3"));
+    let headers = [("authorization", token), ("content-type", MULTIPART)];
+    let answer = server.with(Method::POST, path, &headers, related(&[dicom.bytes()])).await;
+    assert_eq!(answer.status, 200, "{}", answer.text());
+    answer.json()["00081199"]["Value"][0]["00081190"]["Value"][0].as_str().unwrap().to_owned()
+}
+
+#[tokio::test]
+async fn an_archive_stores_with_the_scope_to_write_only() {
+    let mut limits = crate::help::support::limits();
+    limits.upload.max_bytes = 16 << 10;
+    let server = Server::open_with(tempfile::TempDir::new().unwrap(), limits, None).await;
+    let reader = token(&server, "t", &[Scope::Read]).await;
+    let watcher = token(&server, "t", &[Scope::Metrics]).await;
+    let writer = token(&server, "t", &[Scope::Write]).await;
+    for path in STORES {
+        server.call(Method::POST, path).await.is_problem(401, "token_missing");
+        call(&server, "Bearer x", Method::POST, path).await.is_problem(401, "token_invalid");
+        for token in [&reader, &watcher] {
+            call(&server, token, Method::POST, path).await.is_problem(403, "scope_missing");
+        }
+        store(&server, &writer, path).await;
+    }
+}
+
+#[tokio::test]
+async fn tenants_that_store_the_same_instance_have_a_job_each() {
+    let mut limits = crate::help::support::limits();
+    limits.upload.max_bytes = 16 << 10;
+    let server = Server::open_with(tempfile::TempDir::new().unwrap(), limits, None).await;
+    let own = token(&server, "radiology", &[Scope::Read, Scope::Write]).await;
+    let other = token(&server, "surgery", &[Scope::Read, Scope::Write]).await;
+    let (job, others) = (store(&server, &own, STORES[0]).await, store(&server, &other, STORES[0]).await);
+    assert_ne!(job, others);
+    assert_eq!(call(&server, &own, Method::GET, &job).await.status, 200);
+    call(&server, &own, Method::GET, &others).await.is_problem(404, "no_such_job");
+    // Sent again, it is the tenant's own job, not that which came first.
+    assert_eq!(store(&server, &other, STORES[0]).await, others);
 }
 
 #[tokio::test]

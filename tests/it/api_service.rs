@@ -401,7 +401,9 @@ async fn the_documentation_needs_no_other_server() {
         assert_eq!(server.get(&format!("/docs/{file}")).await.status, 200, "{file}");
     }
     assert!(server.get("/docs/swagger-initializer.js").await.text().contains("/openapi.yaml"));
-    server.get("/docs/nothing.js").await.is_problem(404, "no_such_route");
+    for nothing in ["/docs/nothing.js", "/docs/%FF"] {
+        server.get(nothing).await.is_problem(404, "no_such_route");
+    }
 }
 
 #[tokio::test]

@@ -10,6 +10,8 @@ use crate::help::dicom_bytes::{Seg, text};
 use crate::help::pacs::{FakePacs, INSTANCE, MULTIPART, Reply, SERIES, STUDY, related};
 use crate::help::support::{Answer, CANARY, Server, limits, logged, mask, writes};
 
+const SEGMENTATION: &str = "1.2.840.10008.5.1.4.1.1.66.4";
+const IMAGE: &str = "1.2.840.10008.5.1.4.1.1.2";
 const JSON: [(&str, &str); 1] = [("content-type", "application/json")];
 /// Longest silence of the PACS in these tests.
 const IDLE: Duration = Duration::from_millis(300);
@@ -50,11 +52,16 @@ fn segmentation(class: &str, instance: &str) -> Vec<u8> {
 }
 
 fn seg(number: usize) -> Vec<u8> {
-    segmentation("1.2.840.10008.5.1.4.1.1.66.4", &format!("1.2.{number}"))
+    segmentation(SEGMENTATION, &format!("1.2.{number}"))
+}
+
+/// The instance that is asked for by name.
+fn named() -> Vec<u8> {
+    segmentation(SEGMENTATION, INSTANCE)
 }
 
 fn image() -> Vec<u8> {
-    segmentation("1.2.840.10008.5.1.4.1.1.2", "1.2.9")
+    segmentation(IMAGE, "1.2.9")
 }
 
 /// The problem that the only answer of the PACS leads to; nothing is left of it, and nothing it wrote is repeated.
@@ -101,11 +108,11 @@ async fn the_same_bytes_are_the_same_work_however_they_came() {
 #[tokio::test]
 async fn a_file_that_comes_in_small_chunks_is_whole() {
     for length in [7, 100] {
-        let reply = Reply::parts(&[seg(1)]).in_chunks(length, Duration::ZERO);
+        let reply = Reply::parts(&[named()]).in_chunks(length, Duration::ZERO);
         let (server, _pacs) = asking(vec![reply]).await;
         let answer = submit(&server, &source(Some(INSTANCE))).await;
         assert_eq!(answer.status, 202, "{}", answer.text());
-        assert_eq!(answer.json()["mask"]["bytes"], seg(1).len());
+        assert_eq!(answer.json()["mask"]["bytes"], named().len());
     }
 }
 
@@ -127,7 +134,25 @@ async fn a_series_without_the_one_segmentation_is_refused() {
     assert!(told.contains("2 instances"), "{told}");
     check_problem(Reply::parts(&[]), None, 422, "source_not_found").await;
     // The reader says why it does not take one that is named.
-    check_problem(Reply::parts(&[image()]), Some(INSTANCE), 422, "not_a_segmentation").await;
+    check_problem(Reply::parts(&[segmentation(IMAGE, INSTANCE)]), Some(INSTANCE), 422, "not_a_segmentation").await;
+}
+
+#[tokio::test]
+async fn what_the_pacs_sends_in_place_of_an_instance_is_told_as_its_fault() {
+    for (parts, instance, told) in [
+        (vec![named(), named()], Some(INSTANCE), "2 parts for one instance"),
+        (vec![seg(1)], Some(INSTANCE), "another instance"),
+        (vec![Vec::new()], Some(INSTANCE), "a part is empty"),
+        (vec![Vec::new()], None, "a part is empty"),
+        (vec![format!("<html>{CANARY}</html>").into_bytes()], Some(INSTANCE), "a part is no mask"),
+    ] {
+        let (detail, asked) = check_problem(Reply::parts(&parts), instance, 502, "source_malformed").await;
+        assert!(detail.contains(told), "{detail}");
+        assert_eq!(asked, 1, "{told}");
+    }
+    // What was kept before the fault is not left.
+    let broken = [related(&[named()]).strip_suffix(b"--X--\r\n").unwrap(), b"--X\r\nno field\r\n\r\n"].concat();
+    check_problem(Reply::new(200, MULTIPART, broken), Some(INSTANCE), 502, "source_malformed").await;
 }
 
 #[tokio::test]
@@ -154,15 +179,31 @@ async fn a_redirect_is_not_followed() {
 
 #[tokio::test]
 async fn a_pacs_that_fails_for_a_moment_is_asked_again() {
-    let mut broken = Reply::parts(&[seg(1)]).in_chunks(500, Duration::ZERO);
+    let mut broken = Reply::parts(&[named()]).in_chunks(500, Duration::ZERO);
     broken.chunks.truncate(2);
     broken.breaks = true;
-    let replies = vec![Reply::new(503, "text/plain", CANARY), broken, Reply::parts(&[seg(1)])];
+    let replies = vec![Reply::new(503, "text/plain", CANARY), broken, Reply::parts(&[named()])];
     let (server, pacs) = asking(replies).await;
     let answer = submit(&server, &source(Some(INSTANCE))).await;
     assert_eq!(answer.status, 202, "{}", answer.text());
-    assert_eq!(answer.json()["mask"]["bytes"], seg(1).len());
+    assert_eq!(answer.json()["mask"]["bytes"], named().len());
     assert_eq!(pacs.asked().len(), 3);
+}
+
+#[tokio::test]
+async fn a_pacs_that_falls_silent_in_the_middle_of_a_file_is_asked_again() {
+    // Longer than what is looked at before the file is kept, and an upload may be silent for less than the PACS.
+    let long = [named(), vec![0; 64 << 10]].concat();
+    let mut silent = Reply::parts(&[long]).in_chunks(40 << 10, Duration::ZERO);
+    silent.chunks[1].0 = IDLE * 4;
+    let pacs = FakePacs::start(vec![silent, Reply::parts(&[named()])]).await;
+    let mut limits = bounds();
+    limits.upload.max_bytes = 1 << 20;
+    assert!(limits.upload.idle < IDLE);
+    let server = Server::with_pacs(limits, pacs.client(IDLE)).await;
+    let answer = submit(&server, &source(Some(INSTANCE))).await;
+    assert_eq!(answer.status, 202, "{}", answer.text());
+    assert_eq!(pacs.asked().len(), 2);
 }
 
 #[tokio::test]
@@ -208,11 +249,27 @@ async fn an_answer_without_an_end_is_bounded() {
     assert_eq!(asked, 1);
     let mut parts = Reply::new(200, MULTIPART, "--X\r\n\r\n\r\n".repeat(100));
     parts.is_endless = true;
-    check_problem(parts, None, 400, "empty_upload").await;
+    check_problem(parts, None, 502, "source_malformed").await;
     let images = [related(&[image()]).strip_suffix(b"--X--\r\n").unwrap().to_vec()].concat();
     let mut series = Reply::new(200, MULTIPART, images);
     series.is_endless = true;
     check_problem(series, None, 413, "source_too_large").await;
+}
+
+#[tokio::test]
+async fn a_series_of_too_many_instances_is_given_up() {
+    let mut image = Seg::small().dicom();
+    image.elements = vec![text(0x0008_0016, "UI", IMAGE)];
+    let part = [b"--X\r\n\r\n", image.bytes().as_slice(), b"\r\n"].concat();
+    let mut endless = Reply::new(200, MULTIPART, part.repeat(50));
+    endless.is_endless = true;
+    let pacs = FakePacs::start(vec![endless]).await;
+    let mut limits = bounds();
+    limits.upload.max_bytes = 64 << 20;
+    limits.upload.total = Duration::from_secs(60);
+    let server = Server::with_pacs(limits, pacs.client(IDLE)).await;
+    let problem = submit(&server, &source(None)).await.is_problem(502, "source_malformed");
+    assert!(problem.detail.contains("more than 10000 parts"), "{}", problem.detail);
 }
 
 #[tokio::test]

@@ -2,9 +2,10 @@
 
 use axum::body::{Body, Bytes};
 use axum::http::Request;
-use futures_util::stream;
+use futures_util::{StreamExt, stream};
 use serde_json::Value;
 use std::convert::Infallible;
+use std::time::{Duration, Instant};
 
 use crate::help::dicom_bytes::{Seg, text};
 use crate::help::pacs::{MULTIPART, related};
@@ -136,6 +137,8 @@ async fn an_instance_of_another_study_is_not_stored() {
     assert_eq!(value(&items(&answer, "00081198")[0], "00081197"), 0xC000);
     let answer = store(&server, &path("1..2"), related(&[seg("1.2.4")]).into()).await;
     answer.is_problem(422, "invalid_uid");
+    let answer = store(&server, "/dicom-web/studies/%FF", related(&[seg("1.2.4")]).into()).await;
+    answer.is_problem(422, "invalid_uid");
 }
 
 #[tokio::test]
@@ -149,6 +152,34 @@ async fn what_there_is_no_room_for_is_refused_one_by_one() {
     assert!(failed.iter().all(|item| value(item, "00081197") == 0xA700));
     // Nothing is read when nothing can be accepted.
     store_files(&server, &files).await.is_problem(503, "queue_full");
+}
+
+#[tokio::test]
+async fn a_disk_that_fills_during_a_request_is_looked_at_for_each_instance() {
+    /// Room above what is to be left free; others write to the same disk.
+    const ROOM_BYTES: u64 = 128 << 20;
+    let dir = tempfile::TempDir::new().unwrap();
+    let disk = rustix::fs::statvfs(dir.path()).unwrap();
+    let mut limits = limits();
+    limits.min_free_bytes = disk.f_bavail * disk.f_frsize - ROOM_BYTES;
+    let file = std::fs::File::create(dir.path().join("of_somebody_else")).unwrap();
+    let server = Server::open_with(dir, limits, None).await;
+    let [first, second] = ["1.2.3", "1.2.4"].map(|instance| related(&[seg(instance)]));
+    let first = Bytes::from(first.strip_suffix(b"--X--\r\n").unwrap().to_vec());
+    let body = stream::unfold(0, move |sent| {
+        let (chunk, file) = ([first.clone(), second.clone().into()].get(sent).cloned(), file.try_clone().unwrap());
+        async move {
+            if sent == 1 {
+                rustix::fs::fallocate(&file, rustix::fs::FallocateFlags::empty(), 0, 2 * ROOM_BYTES).unwrap();
+            }
+            chunk.map(|chunk| (Ok::<_, Infallible>(chunk), sent + 1))
+        }
+    });
+    let answer = store(&server, "/dicom-web/studies", Body::from_stream(body)).await;
+    assert_eq!(answer.status, 202, "{}", answer.text());
+    assert_eq!(value(&items(&answer, "00081199")[0], "00081155"), "1.2.3");
+    assert_eq!(value(&items(&answer, "00081198")[0], "00081197"), 0xA700);
+    assert_eq!(server.files().len(), 1);
 }
 
 #[tokio::test]
@@ -192,4 +223,23 @@ async fn a_client_that_falls_silent_is_cut_off() {
         let answer = store(&server, "/dicom-web/studies", Body::from_stream(silent)).await;
         answer.is_problem(408, "upload_too_slow");
     }
+}
+
+#[tokio::test]
+async fn a_client_that_drips_is_cut_off_when_the_time_of_the_request_is_over() {
+    let mut limits = limits();
+    limits.upload.total = Duration::from_millis(500);
+    let server = Server::open_with(tempfile::TempDir::new().unwrap(), limits, None).await;
+    let body = related(&vec![file(IMAGE, "1.2.3"); 20]);
+    // Each chunk ends one part and begins the next, so that nobody ever waits for the beginning of one.
+    let (first, rest) = body.split_at(body.len() / 40);
+    let chunks: Vec<_> = [first].into_iter().chain(rest.chunks(body.len() / 20)).map(Bytes::copy_from_slice).collect();
+    let dripping = stream::iter(chunks).then(|chunk| async {
+        tokio::time::sleep(Duration::from_millis(100)).await;
+        Ok::<_, Infallible>(chunk)
+    });
+    let begun = Instant::now();
+    let answer = store(&server, "/dicom-web/studies", Body::from_stream(dripping)).await;
+    answer.is_problem(408, "upload_too_slow");
+    assert!(begun.elapsed() < Duration::from_millis(1500), "{:?}", begun.elapsed());
 }

@@ -194,6 +194,27 @@ fn a_job_that_needs_too_much_fails_alone_and_the_service_goes_on() {
 }
 
 #[test]
+fn processes_know_no_credentials_of_the_service() {
+    let dir = tempfile::tempdir().unwrap();
+    let pacs = ["--pacs", "main=http://127.0.0.1:1/dicom-web"];
+    let secret = [("MEDIALREP_PACS_CREDENTIALS_MAIN", "peer:password"), ("MEDIALREP_PACS_CREDENTIALS_X", "password")];
+    let service = Service::start_with(dir.path(), &pacs, &secret);
+    let id = service.submit(&sample(&["cross", "--spacing", "0.6"]));
+    service.job_when(&id, Duration::from_secs(30), |now| now["progress"]["fraction"].as_f64() > Some(0.0));
+    let environment = |id: &str| {
+        let bytes = std::fs::read(format!("/proc/{id}/environ")).unwrap();
+        String::from_utf8_lossy(&bytes).into_owned()
+    };
+    assert!(environment(&service.pid()).contains("password"));
+    let started = children(&service.pid());
+    assert!(!started.is_empty());
+    for id in started {
+        let told = environment(&id);
+        assert!(told.contains("RUST_LOG=info") && !told.contains("password"), "{told}");
+    }
+}
+
+#[test]
 fn processes_end_with_the_service_and_not_by_a_signal_to_all() {
     let dir = tempfile::tempdir().unwrap();
     let service = Service::start(dir.path(), &[]);

@@ -29,6 +29,11 @@ impl Drop for Service {
 impl Service {
     /// With one worker, on a port of its own.
     pub fn start(data_dir: &Path, options: &[&str]) -> Self {
+        Self::start_with(data_dir, options, &[])
+    }
+
+    /// The same, with more variables of the environment.
+    pub fn start_with(data_dir: &Path, options: &[&str], variables: &[(&str, &str)]) -> Self {
         let mut process = Command::new(PROGRAM)
             .args(["serve", "--log-format", "json", "--data-dir"])
             .arg(data_dir)
@@ -38,6 +43,7 @@ impl Service {
             // Machines that test may have little room left.
             .env("MEDIALREP_MIN_FREE_MIB", "0")
             .env("RUST_LOG", "info")
+            .envs(variables.iter().copied())
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
