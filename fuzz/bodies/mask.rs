@@ -18,7 +18,7 @@ pub fn check(bytes: &[u8]) {
     file.write_all(bytes).unwrap();
     let header = check_header(file.path(), LIMITS);
     // Of anything, as archives send it.
-    let _ = Identity::of(bytes);
+    let _ = Identity::of_head(bytes);
     match (read_file(file.path(), LIMITS, &medialrep::cancel::Never), header) {
         (Ok(found), Ok(facts)) => {
             assert_eq!(facts.voxels, found.volume.indices().as_slice().len() as u64);

@@ -165,9 +165,11 @@ async fn a_disk_that_fills_during_a_request_is_looked_at_for_each_instance() {
     let file = std::fs::File::create(dir.path().join("of_somebody_else")).unwrap();
     let server = Server::open_with(dir, limits, None).await;
     let [first, second] = ["1.2.3", "1.2.4"].map(|instance| related(&[seg(instance)]));
-    let first = Bytes::from(first.strip_suffix(b"--X--\r\n").unwrap().to_vec());
+    // The boundary that ends the first one comes with it.
+    let first = Bytes::from([first.strip_suffix(b"--\r\n").unwrap(), b"\r\n"].concat());
+    let second = Bytes::from(second.strip_prefix(b"--X\r\n").unwrap().to_vec());
     let body = stream::unfold(0, move |sent| {
-        let (chunk, file) = ([first.clone(), second.clone().into()].get(sent).cloned(), file.try_clone().unwrap());
+        let (chunk, file) = ([first.clone(), second.clone()].get(sent).cloned(), file.try_clone().unwrap());
         async move {
             if sent == 1 {
                 rustix::fs::fallocate(&file, rustix::fs::FallocateFlags::empty(), 0, 2 * ROOM_BYTES).unwrap();
