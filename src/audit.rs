@@ -38,6 +38,8 @@ pub enum Action {
     Submit,
     /// A result was handed out.
     ReadResult,
+    /// Results were stored in an archive, or are no longer tried to be.
+    Deliver,
     /// A job was to be stopped.
     Cancel,
     /// A job was to run again.

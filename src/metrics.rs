@@ -83,6 +83,7 @@ pub struct Metrics {
     reclaimed: Counter,
     expired: Family<OutcomeLabel, Counter>,
     callbacks: Family<OutcomeLabel, Counter>,
+    deliveries: Family<OutcomeLabel, Counter>,
     audit_failures: Counter,
     damaged: Counter,
     queued: Gauge,
@@ -110,6 +111,7 @@ impl Metrics {
             reclaimed: Counter::default(),
             expired: Family::default(),
             callbacks: Family::default(),
+            deliveries: Family::default(),
             audit_failures: Counter::default(),
             damaged: Counter::default(),
             queued: Gauge::default(),
@@ -141,6 +143,7 @@ impl Metrics {
         all.register("jobs_reclaimed", "Jobs taken from workers that were gone", self.reclaimed.clone());
         all.register("expired", "What retention erased", self.expired.clone());
         all.register("webhooks", "Tries at sending a webhook, by outcome", self.callbacks.clone());
+        all.register("deliveries", "Tries at storing results in a PACS, by outcome", self.deliveries.clone());
         all.register("audit_failures", "Entries that the audit log lacks", self.audit_failures.clone());
         all.register("damaged_files", "Files that are not what was stored", self.damaged.clone());
         all.register("jobs_queued", "Jobs that wait", self.queued.clone());
@@ -203,6 +206,11 @@ impl Metrics {
     /// A webhook was tried.
     pub fn callback(&self, code: &str) {
         self.callbacks.get_or_create(&outcome(code)).inc();
+    }
+
+    /// A delivery was tried.
+    pub fn delivery(&self, code: &str) {
+        self.deliveries.get_or_create(&outcome(code)).inc();
     }
 
     /// An entry is missing from the audit log.

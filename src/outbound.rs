@@ -23,6 +23,17 @@ pub enum Fault {
 }
 
 impl Fault {
+    /// Stable, snake case.
+    #[must_use]
+    pub fn code(self) -> &'static str {
+        match self {
+            Self::TimedOut => "timed_out",
+            Self::TlsFailed => "tls_failed",
+            Self::ConnectFailed => "connect_failed",
+            Self::Interrupted => "interrupted",
+        }
+    }
+
     /// Which one an error of the HTTP client is.
     pub fn of(error: &reqwest::Error) -> Self {
         if error.is_timeout() {

@@ -11,10 +11,12 @@ use jiff::Timestamp;
 
 use super::{complain, exit};
 use crate::audit::{Action, Entry};
+use crate::dicomweb::ServerError;
 use crate::jobs::audit_marks::follow;
 use crate::jobs::place::Place;
 use crate::jobs::store::Store;
 use crate::jobs::token::{Scope, StoredToken, Token, check_tenant};
+use crate::name::is_name;
 
 /// What to do with tokens.
 #[derive(Debug, clap::Subcommand)]
@@ -86,6 +88,10 @@ pub struct CreateArgs {
     /// When it ends by itself: 12h, 90days.
     #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
     expires_in: Option<Duration>,
+
+    /// The PACS that results of segmentations go to which are stored with it (STOW-RS): a name of serve's --pacs.
+    #[arg(long, value_name = "NAME", value_parser = check_pacs)]
+    deliver_to: Option<String>,
 }
 
 /// A token to be revoked.
@@ -140,7 +146,7 @@ async fn create(args: CreateArgs, folder: &Path) -> anyhow::Result<ExitCode> {
     let store = open(folder).await?;
     let token = Token::new().map_err(|error| anyhow::anyhow!("no random numbers: {error}"))?;
     let expires_at = args.expires_in.map(|time| Timestamp::now().checked_add(time)).transpose()?;
-    let stored = token.stored(args.tenant, args.scopes, expires_at);
+    let stored = StoredToken { deliver_to: args.deliver_to, ..token.stored(args.tenant, args.scopes, expires_at) };
     store.insert_token(&stored).await?;
     // Shown whatever comes next: it holds from now on.
     print(&token.reveal());
@@ -154,6 +160,11 @@ async fn create(args: CreateArgs, folder: &Path) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Whether a PACS can have this name; which there are is told to the server, not here.
+fn check_pacs(name: &str) -> Result<String, ServerError> {
+    if is_name(name) { Ok(name.to_owned()) } else { Err(ServerError::Name) }
+}
+
 async fn list(data_dir: &Path) -> anyhow::Result<ExitCode> {
     for token in open(data_dir).await?.list_tokens().await? {
         let scopes: Vec<_> = token.scopes.iter().map(|scope| scope.name()).collect();
@@ -163,7 +174,9 @@ async fn list(data_dir: &Path) -> anyhow::Result<ExitCode> {
             (None, Some(time)) => format!("expires {time}"),
             (None, None) => "valid".to_owned(),
         };
-        print(&format!("{}  {}  {}  made {}  {end}", token.id, token.tenant, scopes.join(","), token.created_at));
+        let target = token.deliver_to.map_or_else(String::new, |name| format!("  delivers to {name}"));
+        let (id, tenant, scopes) = (token.id, token.tenant, scopes.join(","));
+        print(&format!("{id}  {tenant}  {scopes}  made {}  {end}{target}", token.created_at));
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -1,4 +1,4 @@
-//! Fetches instances from an archive: WADO-RS (PS3.18 section 10.4). No proxy and no redirects: credentials go to the
+//! Asks archives, and fetches instances from them: WADO-RS (PS3.18 section 10.4). No proxy and no redirects: credentials go to the
 //! server that the operator named, and to no other.
 
 use std::sync::Arc;
@@ -6,7 +6,7 @@ use std::sync::Arc;
 use futures_util::stream;
 use reqwest::header::{ACCEPT, AUTHORIZATION, CONTENT_ENCODING, CONTENT_TYPE};
 use reqwest::redirect::Policy;
-use reqwest::{Client, Response, Url};
+use reqwest::{Client, ClientBuilder, Response, Url};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use super::multipart::{Chunks, MultipartError, MultipartLimits, Parts, boundary_of};
@@ -97,6 +97,8 @@ impl FetchError {
 #[derive(Clone, Debug)]
 pub struct Pacs {
     client: Client,
+    /// For instances that are stored: nothing comes back while one is sent, however long that takes.
+    storer: Client,
     servers: Arc<[(PacsServer, Arc<Semaphore>)]>,
 }
 
@@ -104,7 +106,8 @@ pub struct Pacs {
 #[derive(Clone, Copy, Debug)]
 pub struct Archive<'p> {
     client: &'p Client,
-    server: &'p PacsServer,
+    pub(super) storer: &'p Client,
+    pub(super) server: &'p PacsServer,
     turns: &'p Arc<Semaphore>,
 }
 
@@ -114,24 +117,21 @@ impl Pacs {
     /// # Errors
     /// When the extra certificates cannot be used.
     pub fn new(config: PacsConfig) -> Result<Self, PacsError> {
-        let mut client = Client::builder()
-            .user_agent(USER_AGENT)
-            .no_proxy()
-            .redirect(Policy::none())
-            .connect_timeout(config.connect)
-            .read_timeout(config.idle);
-        for root in parse_roots(&config.extra_roots)? {
-            client = client.add_root_certificate(root);
-        }
+        let roots = parse_roots(&config.extra_roots)?;
+        let client = || {
+            let client = Client::builder().user_agent(USER_AGENT).no_proxy().redirect(Policy::none());
+            roots.iter().cloned().fold(client.connect_timeout(config.connect), ClientBuilder::add_root_certificate)
+        };
+        let (fetcher, storer) = (client().read_timeout(config.idle).build()?, client().build()?);
         let servers = config.servers.into_iter().map(|server| (server, Arc::new(Semaphore::new(AT_ONCE))));
-        Ok(Self { client: client.build()?, servers: servers.collect() })
+        Ok(Self { client: fetcher, storer, servers: servers.collect() })
     }
 
     /// The archive of this name.
     #[must_use]
     pub fn archive(&self, name: &str) -> Option<Archive<'_>> {
         let (server, turns) = self.servers.iter().find(|(server, _)| server.name == name)?;
-        Some(Archive { client: &self.client, server, turns })
+        Some(Archive { client: &self.client, storer: &self.storer, server, turns })
     }
 
     /// The names of all archives.
@@ -155,7 +155,7 @@ impl Archive<'_> {
         if let Some(credentials) = &self.server.credentials {
             request = request.header(AUTHORIZATION, credentials.header());
         }
-        let answer = request.send().await.map_err(|error| self.fault(error))?;
+        let answer = request.send().await.map_err(|error| FetchError::Unreachable(self.no_answer(error)))?;
         judge(answer.status().as_u16())?;
         let header = |name| answer.headers().get(name).and_then(|value| value.to_str().ok()).unwrap_or_default();
         // Nothing but plain bytes was asked for.
@@ -179,11 +179,12 @@ impl Archive<'_> {
         url
     }
 
-    fn fault(&self, error: reqwest::Error) -> FetchError {
+    /// Why there was no answer, which is logged.
+    pub(super) fn no_answer(&self, error: reqwest::Error) -> Fault {
         let error = error.without_url();
         let cause = causes(&error).last().map(ToString::to_string);
         tracing::info!(pacs = self.server.name, cause, "a PACS gave no answer");
-        FetchError::Unreachable(Fault::of(&error))
+        Fault::of(&error)
     }
 }
 
@@ -222,7 +223,12 @@ mod tests {
             ("http://h", None, "http://h/studies/1.2/series/3.4"),
         ] {
             let server: PacsServer = format!("main={base}").parse().expect("a server");
-            let archive = Archive { client: &Client::new(), server: &server, turns: &Arc::new(Semaphore::new(1)) };
+            let archive = Archive {
+                client: &Client::new(),
+                storer: &Client::new(),
+                server: &server,
+                turns: &Arc::new(Semaphore::new(1)),
+            };
             assert_eq!(archive.address(&wanted(instance)).as_str(), address);
         }
     }

@@ -1,5 +1,5 @@
-//! DICOMweb (PS3.18): instances fetched from an archive ([`client`], WADO-RS), and the bodies in which they come from
-//! there or are stored here (STOW-RS, [`multipart`]).
+//! DICOMweb (PS3.18): instances fetched from an archive ([`client`], WADO-RS) or stored in one ([`stow`], STOW-RS), and
+//! the bodies in which they come from there or are stored here ([`multipart`]).
 //!
 //! Which archives there are is the operator's to say ([`server`]): a client names one, and never gives an address. So
 //! the addresses may lie in any network, and still no client makes this server ask a machine of its choice.
@@ -10,5 +10,8 @@ pub mod server;
 
 pub mod client;
 
+pub mod stow;
+
 pub use client::{FetchError, Pacs, PacsError, Wanted};
 pub use server::{CREDENTIALS_ENV, Credentials, PacsConfig, PacsServer, ServerError};
+pub use stow::{StoreFault, time_to_store};

@@ -21,6 +21,14 @@ pub struct Artifact {
     pub write: fn(&Record, &mut dyn Write) -> io::Result<()>,
 }
 
+impl Artifact {
+    /// Whether it is a DICOM object, made for an archive.
+    #[must_use]
+    pub fn is_dicom(&self) -> bool {
+        self.media_type == "application/dicom"
+    }
+}
+
 /// All of them, in the order of the contract.
 pub const ARTIFACTS: [Artifact; 11] = [
     Artifact {

@@ -116,7 +116,7 @@ async fn authenticate(jobs: &Jobs, parts: &Parts, scope: Scope, trace_id: String
         denied(jobs, &stranger(), "token_invalid").await;
         return Err(unauthorized("token_invalid", "the token is not known, has expired or was revoked"));
     };
-    let caller = Caller { tenant: stored.tenant, token: Some(stored.id), trace_id };
+    let caller = Caller { tenant: stored.tenant, token: Some(stored.id), trace_id, deliver_to: stored.deliver_to };
     if !stored.scopes.contains(&scope) {
         denied(jobs, &caller, "scope_missing").await;
         let detail = format!("the token has no scope {}", scope.name());

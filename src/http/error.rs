@@ -154,7 +154,7 @@ impl From<SourceError> for ApiError {
         let detail = error.to_string();
         let problem = match error {
             SourceError::Upload(error) => return error.into(),
-            SourceError::UnknownServer { known } => return unknown_server(&known),
+            SourceError::UnknownServer { known } => return unknown_pacs(&known, "source.dicomweb.server"),
             SourceError::Fetch(error) => fetch_failed(error, detail),
             SourceError::Busy | SourceError::TooSlow => {
                 Problem::new(503, "source_unavailable", detail).hint("send it again after the time in Retry-After")
@@ -191,12 +191,13 @@ fn fetch_failed(error: FetchError, detail: String) -> Problem {
     }
 }
 
-fn unknown_server(known: &[String]) -> ApiError {
+/// No archive has the name that stands at `place`.
+pub fn unknown_pacs(known: &[String], place: &str) -> ApiError {
     let hint = match known {
         [] => "this server asks no PACS: its operator names some with --pacs".to_owned(),
         known => format!("there are {}", known.join(", ")),
     };
-    Problem::new(422, "unknown_pacs", "no PACS has this name").at("source.dicomweb.server").hint(hint).into()
+    Problem::new(422, "unknown_pacs", "no PACS has this name").at(place).hint(hint).into()
 }
 
 impl From<ParamsJsonError> for ApiError {

@@ -25,6 +25,10 @@ pub struct SubmitQuery {
     /// Where to send a webhook once the job has ended; one that the operator has listed.
     #[param(format = "uri", max_length = 2048)]
     pub callback_url: Option<String>,
+    /// The PACS that DICOM results are stored in once the job has succeeded, by the name that the operator gave it. For
+    /// DICOM segmentations: results get patient and study from them.
+    #[param(example = "main", max_length = 64)]
+    pub deliver_to: Option<String>,
 }
 
 /// The schema of a submission as a form.
@@ -53,7 +57,8 @@ impl PartialSchema for FormSchema {
                 },
                 "params": {"$ref": "#/components/schemas/Params"},
                 "labels": labels(),
-                "callback_url": callback_url()
+                "callback_url": callback_url(),
+                "deliver_to": deliver_to()
             }
         }))
     }
@@ -71,6 +76,13 @@ fn callback_url() -> Value {
     json!({
         "type": "string", "format": "uri", "maxLength": 2048,
         "description": "Where to send a webhook once the job has ended; one that the operator has listed."
+    })
+}
+
+fn deliver_to() -> Value {
+    json!({
+        "type": "string", "maxLength": 64,
+        "description": "The PACS that DICOM results are stored in once the job has succeeded, by the name that the operator gave it."
     })
 }
 
@@ -112,7 +124,8 @@ impl PartialSchema for SourceSchema {
                 },
                 "params": {"$ref": "#/components/schemas/Params"},
                 "labels": labels(),
-                "callback_url": callback_url()
+                "callback_url": callback_url(),
+                "deliver_to": deliver_to()
             }
         }))
     }

@@ -28,6 +28,8 @@ pub struct SourceSubmission {
     pub labels: Option<Box<RawValue>>,
     /// As the field of a form.
     pub callback_url: Option<String>,
+    /// As the field of a form.
+    pub deliver_to: Option<String>,
 }
 
 /// Where a mask is.
@@ -109,7 +111,7 @@ fn malformed(detail: String) -> ApiError {
         .at("body")
         .hint(
             "send {\"source\": {\"dicomweb\": {\"server\": NAME, \"study\": UID, \"series\": UID, \"instance\": UID}}} \
-             and, if wanted, params and labels (objects) and callback_url; the instance may be left out. A mask itself \
+             and, if wanted, params and labels (objects), callback_url and deliver_to; the instance may be left out. A mask itself \
              is sent without Content-Type: application/json",
         )
         .into()

@@ -12,14 +12,15 @@ use axum::http::header::{CONTENT_TYPE, LINK};
 use axum::http::{HeaderMap, HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
 use futures_util::{StreamExt, stream};
+use serde::Deserialize;
 use serde_json::{Value, json};
 use tokio::time::{Instant, timeout, timeout_at};
 
 use super::auth::{Allowed, TokenProblems, Write};
 use super::error::{ApiError, PROBLEM_JSON, too_large};
-use super::extract::header;
+use super::extract::{StrictQuery, header};
 use super::source::uid;
-use super::submit::refuse_encoded;
+use super::submit::{check_archive, refuse_encoded};
 use super::view::path_of;
 use crate::dicomweb::multipart::{Chunks, MultipartError, MultipartLimits, Part, Parts, boundary_of};
 use crate::formats::{IDENTITY_BYTES, Identity, Uid};
@@ -87,27 +88,67 @@ pub enum StoreProblems {
     NoRoom(Problem),
 }
 
+/// What the query of a request may say.
+#[derive(Debug, Default, Deserialize, utoipa::IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct StoreQuery {
+    /// The PACS that DICOM results go to, by the name that the operator gave it; without it that of the token, if it has
+    /// one.
+    #[param(example = "main", max_length = 64)]
+    deliver_to: Option<String>,
+}
+
+/// Whose instances come, and what of them is taken.
+struct Errand<'a> {
+    jobs: &'a Jobs,
+    caller: &'a Caller,
+    /// The only study whose instances are taken.
+    study: Option<&'a Uid>,
+    /// Archive that the results go to.
+    deliver_to: Option<String>,
+}
+
+impl<'a> Errand<'a> {
+    /// # Errors
+    /// When there is no archive of the name that the request, or else its token, gives.
+    fn new(jobs: &'a Jobs, caller: &'a Caller, study: Option<&'a Uid>, query: StoreQuery) -> Result<Self, ApiError> {
+        let (deliver_to, place) = match query.deliver_to {
+            Some(name) => (Some(name), "query.deliver_to"),
+            None => (caller.deliver_to.clone(), "the token"),
+        };
+        if let Some(name) = &deliver_to {
+            check_archive(jobs, name, place)?;
+        }
+        Ok(Self { jobs, caller, study, deliver_to })
+    }
+}
+
 /// Store segmentations (STOW-RS).
 ///
 /// Each becomes a job with the default parameters. An instance that was stored before, byte for byte, gives the job
 /// that it gave then, as long as that is kept: so a request can be sent again after a fault.
 #[utoipa::path(
     post, path = "/dicom-web/studies", tag = "dicomweb",
+    params(StoreQuery),
     request_body(content((inline(super::params_schema::BytesSchema) = "multipart/related"))),
     responses(
         (status = 200, body = Object, content_type = DICOM_JSON, description = "Every instance is a job: ReferencedSOPSequence (00081199) has them with RetrieveURL (00081190)", headers(("Link" = String, description = "The jobs, `rel=\"monitor\"`: the first 32"))),
         (status = 202, body = Object, content_type = DICOM_JSON, description = "Some are, others stand in FailedSOPSequence (00081198) or OtherFailuresSequence (0008119A) with FailureReason (00081197)", headers(("Link" = String, description = "The jobs, `rel=\"monitor\"`: the first 32"))),
         (status = 409, body = Object, content_type = DICOM_JSON, description = "None is a job"),
         TokenProblems,
-        StoreProblems
+        StoreProblems,
+        (status = 422, body = Problem, content_type = PROBLEM_JSON, description = "`unknown_pacs`")
     )
 )]
 pub async fn store(
     State(jobs): State<Arc<Jobs>>,
     allowed: Allowed<Write>,
+    StrictQuery(query): StrictQuery<StoreQuery>,
     request: Request,
 ) -> Result<Response, ApiError> {
-    Ok(answer(&receive(&jobs, &allowed.caller, None, request).await?))
+    let errand = Errand::new(&jobs, &allowed.caller, None, query)?;
+    Ok(answer(&receive(&errand, request).await?))
 }
 
 /// Store segmentations of one study (STOW-RS).
@@ -115,7 +156,10 @@ pub async fn store(
 /// As without the study; an instance of another one is not stored.
 #[utoipa::path(
     post, path = "/dicom-web/studies/{study}", tag = "dicomweb",
-    params(("study" = String, Path, description = "Study Instance UID", max_length = 64, pattern = "^[0-9]+([.][0-9]+)*$")),
+    params(
+        ("study" = String, Path, description = "Study Instance UID", max_length = 64, pattern = "^[0-9]+([.][0-9]+)*$"),
+        StoreQuery
+    ),
     request_body(content((inline(super::params_schema::BytesSchema) = "multipart/related"))),
     responses(
         (status = 200, body = Object, content_type = DICOM_JSON, description = "Every instance is a job", headers(("Link" = String, description = "The jobs, `rel=\"monitor\"`: the first 32"))),
@@ -123,25 +167,28 @@ pub async fn store(
         (status = 409, body = Object, content_type = DICOM_JSON, description = "None is a job"),
         TokenProblems,
         StoreProblems,
-        (status = 422, body = Problem, content_type = PROBLEM_JSON, description = "`invalid_uid`")
+        (status = 422, body = Problem, content_type = PROBLEM_JSON, description = "`invalid_uid`, `unknown_pacs`")
     )
 )]
 pub async fn store_in_study(
     State(jobs): State<Arc<Jobs>>,
     allowed: Allowed<Write>,
     study: Result<Path<String>, PathRejection>,
+    StrictQuery(query): StrictQuery<StoreQuery>,
     request: Request,
 ) -> Result<Response, ApiError> {
     let study = study.map_or_else(|_| String::new(), |Path(study)| study);
     let study = uid("path.study", &study)?;
-    Ok(answer(&receive(&jobs, &allowed.caller, Some(&study), request).await?))
+    let errand = Errand::new(&jobs, &allowed.caller, Some(&study), query)?;
+    Ok(answer(&receive(&errand, request).await?))
 }
 
 /// Takes all instances of a request. What broke it leaves the jobs that were accepted before.
-async fn receive(jobs: &Jobs, caller: &Caller, study: Option<&Uid>, request: Request) -> Result<Vec<Stored>, ApiError> {
+async fn receive(errand: &Errand<'_>, request: Request) -> Result<Vec<Stored>, ApiError> {
+    let jobs = errand.jobs;
     refuse_encoded(request.headers())?;
     let boundary = boundary_of(header(request.headers(), CONTENT_TYPE).unwrap_or_default()).map_err(unusable)?;
-    jobs.admit(caller, 0, None).await?;
+    jobs.admit(errand.caller, 0, None).await?;
     // More than may wait is never accepted.
     let limits = MultipartLimits { max_bytes: jobs.limits().queue.bytes, max_parts: MAX_INSTANCES };
     let body = watched(request.into_body().into_data_stream(), jobs.limits().upload.idle);
@@ -155,7 +202,7 @@ async fn receive(jobs: &Jobs, caller: &Caller, study: Option<&Uid>, request: Req
         }
         let next = timeout_at(deadline, parts.next_part()).await.map_err(|_| UploadError::TooSlow)?;
         let Some(part) = next.map_err(unusable)? else { break };
-        let one = store_one(jobs, caller, study, (part, deadline)).await;
+        let one = store_one(errand, (part, deadline)).await;
         // What keeps a file tells only that its bytes ended early.
         stored.push(one.map_err(|error| parts.fault().map_or(error, unusable))?);
     }
@@ -177,12 +224,8 @@ fn watched(body: BodyDataStream, idle: Duration) -> Chunks {
 ///
 /// # Errors
 /// What breaks the request as a whole.
-async fn store_one(
-    jobs: &Jobs,
-    caller: &Caller,
-    study: Option<&Uid>,
-    (mut part, deadline): (Part<'_, Chunks>, Instant),
-) -> Result<Stored, ApiError> {
+async fn store_one(errand: &Errand<'_>, (mut part, deadline): (Part<'_, Chunks>, Instant)) -> Result<Stored, ApiError> {
+    let jobs = errand.jobs;
     let head = timeout_at(deadline, part.peek(IDENTITY_BYTES)).await.map_err(|_| UploadError::TooSlow)?;
     let identity = Identity::of_head(head.map_err(unusable)?).unwrap_or_default();
     let is_segmentation = identity.is_segmentation();
@@ -193,7 +236,7 @@ async fn store_one(
         let left = deadline.saturating_duration_since(Instant::now());
         let limits = UploadLimits { total: left, ..jobs.limits().upload };
         match upload::receive((jobs.blobs(), jobs.limits().min_free_bytes), limits, part).await {
-            Ok(received) => submit(jobs, caller, study, &instance, received).await,
+            Ok(received) => submit(errand, &instance, received).await,
             Err(error @ (UploadError::Interrupted | UploadError::TooSlow)) => return Err(error.into()),
             Err(error) => Err(failure(error.into())),
         }
@@ -203,16 +246,13 @@ async fn store_one(
     Ok(Stored { reference: Some((class, instance)), outcome })
 }
 
-async fn submit(
-    jobs: &Jobs,
-    caller: &Caller,
-    study: Option<&Uid>,
-    instance: &Uid,
-    upload: Received,
-) -> Result<JobId, Failure> {
+async fn submit(errand: &Errand<'_>, instance: &Uid, upload: Received) -> Result<JobId, Failure> {
     // An archive that does not know whether its request arrived sends it again.
-    let key = format!("stow {instance} {}", upload.mask.sha256);
-    if let Err(failure) = check(jobs, caller, study, &key, &upload).await {
+    let mut key = format!("stow {instance} {}", upload.mask.sha256);
+    if let Some(name) = &errand.deliver_to {
+        key.push_str(&format!(" {name}"));
+    }
+    if let Err(failure) = check(errand, &key, &upload).await {
         upload.forget().await;
         return Err(failure);
     }
@@ -221,17 +261,19 @@ async fn submit(
         params: RequestedParams::parse(None).map_err(|_| Failure::OurFault)?,
         labels: [].into(),
         callback_url: None,
+        deliver_to: errand.deliver_to.clone(),
         idempotency_key: Some(key),
         may_reuse: true,
     };
-    let accepted = jobs.submit(caller, submission).await;
+    let accepted = errand.jobs.submit(errand.caller, submission).await;
     accepted.map(|accepted| accepted.status.job.id).map_err(|error| failure(error.into()))
 }
 
 /// Whether there is room for an instance now, those before it counted, and it is of the study that the request is for.
-async fn check(jobs: &Jobs, caller: &Caller, study: Option<&Uid>, key: &str, upload: &Received) -> Result<(), Failure> {
+async fn check(errand: &Errand<'_>, key: &str, upload: &Received) -> Result<(), Failure> {
+    let Errand { jobs, caller, study, .. } = errand;
     jobs.admit(caller, upload.mask.bytes, Some(key)).await.map_err(|error| failure(error.into()))?;
-    let Some(study) = study else { return Ok(()) };
+    let Some(study) = *study else { return Ok(()) };
     let file = upload.file.to_path_buf();
     let found = on_own_thread(move || Identity::of_file(File::open(file)?)).await;
     let found = found.map_err(|error| failure(UploadError::Storage(error).into()))?;

@@ -17,7 +17,7 @@ use axum::http::{HeaderMap, HeaderName};
 use futures_util::{Stream, StreamExt};
 use tokio::time::timeout;
 
-use super::error::{ApiError, too_large};
+use super::error::{ApiError, too_large, unknown_pacs};
 use super::extract::{has_token, header, list_header, media_range};
 use super::params_schema::SubmitQuery;
 use super::source::SourceSubmission;
@@ -25,6 +25,7 @@ use crate::formats::params_json::MAX_BYTES as MAX_TEXT_BYTES;
 use crate::jobs::caller::Caller;
 use crate::jobs::job::RequestedParams;
 use crate::jobs::service::Jobs;
+use crate::jobs::source::SourceError;
 use crate::jobs::submission::Submission;
 use crate::jobs::upload::{self, Received, UploadError};
 use crate::media_type::parameter;
@@ -66,7 +67,12 @@ pub async fn receive(
     let idempotency_key = idempotency_key(headers)?;
     let may_reuse = !has_token(&list_header(headers, CACHE_CONTROL), "no-cache");
     let mut asked = Asked::default();
-    for (name, text) in [("params", query.params), ("labels", query.labels), ("callback_url", query.callback_url)] {
+    for (name, text) in [
+        ("params", query.params),
+        ("labels", query.labels),
+        ("callback_url", query.callback_url),
+        ("deliver_to", query.deliver_to),
+    ] {
         if let Some(text) = text {
             asked.set(jobs, name, text.as_bytes())?;
         }
@@ -85,8 +91,9 @@ pub async fn receive(
         upload::receive((jobs.blobs(), jobs.limits().min_free_bytes), jobs.limits().upload, body).await?
     };
     let params = asked.params.map_or_else(|| RequestedParams::parse(None), Ok)?;
-    let (labels, callback_url) = (asked.labels.unwrap_or_default(), asked.callback_url);
-    Ok(Submission { upload, params, labels, callback_url, idempotency_key, may_reuse })
+    let Asked { labels, callback_url, deliver_to, .. } = asked;
+    let labels = labels.unwrap_or_default();
+    Ok(Submission { upload, params, labels, callback_url, deliver_to, idempotency_key, may_reuse })
 }
 
 /// What is asked for beside the mask, each thing once.
@@ -95,6 +102,7 @@ struct Asked {
     params: Option<RequestedParams>,
     labels: Option<BTreeMap<String, String>>,
     callback_url: Option<String>,
+    deliver_to: Option<String>,
 }
 
 impl Asked {
@@ -102,6 +110,7 @@ impl Asked {
         let is_there = match name {
             "params" => self.params.replace(RequestedParams::parse(Some(text))?).is_some(),
             "labels" => self.labels.replace(parse_labels(text)?).is_some(),
+            "deliver_to" => self.deliver_to.replace(parse_archive(jobs, text)?).is_some(),
             _ => self.callback_url.replace(parse_callback(jobs, text)?).is_some(),
         };
         if is_there { Err(given_twice()) } else { Ok(()) }
@@ -114,6 +123,7 @@ async fn fetch(jobs: &Jobs, asked: &mut Asked, submission: &SourceSubmission) ->
         ("params", submission.params.as_ref().map(|json| json.get())),
         ("labels", submission.labels.as_ref().map(|json| json.get())),
         ("callback_url", submission.callback_url.as_deref()),
+        ("deliver_to", submission.deliver_to.as_deref()),
     ];
     for (name, text) in texts {
         if let Some(text) = text {
@@ -150,18 +160,18 @@ async fn receive_form(
                 );
             }
             Some("mask") => return Err(given_twice()),
-            Some(name @ ("params" | "labels" | "callback_url")) => {
+            Some(name @ ("params" | "labels" | "callback_url" | "deliver_to")) => {
                 let text = in_time(jobs, read_text(field)).await??;
                 asked.set(jobs, name, &text)?;
             }
-            _ => return Err(invalid_form("a field is none of mask, params, labels and callback_url")),
+            _ => return Err(invalid_form("a field is none of mask, params, labels, callback_url and deliver_to")),
         }
     }
     mask.ok_or_else(|| invalid_form("the field mask is missing"))
 }
 
 fn given_twice() -> ApiError {
-    Problem::new(400, "invalid_multipart", "mask, params, labels or callback_url is given twice")
+    Problem::new(400, "invalid_multipart", "mask, params, labels, callback_url or deliver_to is given twice")
         .at("query and body")
         .hint("give each once, in the query or in the body (form or JSON)")
         .into()
@@ -197,6 +207,24 @@ fn parse_labels(text: &[u8]) -> Result<BTreeMap<String, String>, ApiError> {
         return Err(problem("a label's name or value is not allowed"));
     }
     Ok(labels)
+}
+
+fn parse_archive(jobs: &Jobs, text: &[u8]) -> Result<String, ApiError> {
+    // What is no text is no name.
+    let name = String::from_utf8_lossy(text);
+    check_archive(jobs, &name, "deliver_to")?;
+    Ok(name.into_owned())
+}
+
+/// Whether results can go to the archive whose name stands at `place`.
+///
+/// # Errors
+/// When there is none of this name.
+pub(super) fn check_archive(jobs: &Jobs, name: &str, place: &str) -> Result<(), ApiError> {
+    jobs.check_pacs(name).map_err(|error| match error {
+        SourceError::UnknownServer { known } => unknown_pacs(&known, place),
+        error => error.into(),
+    })
 }
 
 fn parse_callback(jobs: &Jobs, text: &[u8]) -> Result<String, ApiError> {
@@ -306,7 +334,7 @@ fn broken_form(error: &MultipartError) -> ApiError {
 fn invalid_form(detail: impl Into<String>) -> ApiError {
     Problem::new(400, "invalid_multipart", detail)
         .at("body")
-        .hint("send a form with the file field mask and, if wanted, params and labels (JSON) and callback_url")
+        .hint("send a form with the file field mask and, if wanted, params and labels (JSON), callback_url and deliver_to")
         .into()
 }
 

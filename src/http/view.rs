@@ -6,7 +6,9 @@ use serde::Serialize;
 use serde_json::value::RawValue;
 
 use super::params_schema::ParamsSchema;
-use crate::jobs::job::{Callback, CallbackState, CallbackTry, Job, JobId, JobState, JobWarning, MaskInfo, ResultFile};
+use crate::jobs::job::{
+    Callback, Delivery, Job, JobId, JobState, JobWarning, MaskInfo, ResultFile, SendState, SendTry,
+};
 use crate::jobs::moves::Cause;
 use crate::jobs::service::JobStatus;
 use crate::pipeline::progress::Progress;
@@ -22,7 +24,7 @@ use crate::problem::Problem;
     "error": null, "warnings": [], "results": [], "params": {"grid": "auto"},
     "mask": {"sha256": "cc9fa289c4879f5d12a020127b7478dadbc4a638e38bc60b672d94b733d703a4", "bytes": 2310},
     "mask_erased": false, "results_erased": false, "reused": false, "labels": {"study": "liver-07"},
-    "callback": null, "trace_id": "0af7651916cd43dd8448eb211c80319c",
+    "callback": null, "delivery": null, "trace_id": "0af7651916cd43dd8448eb211c80319c",
     "links": {
         "self": "/v1/jobs/01a20604-b92d-731c-9b47-f6692d322739",
         "events": "/v1/jobs/01a20604-b92d-731c-9b47-f6692d322739/events",
@@ -83,6 +85,9 @@ pub struct JobView {
     /// Whom to tell of the end; null unless asked for.
     #[schema(required)]
     callback: Option<CallbackView>,
+    /// The PACS that its DICOM results go to, and how far that is; null unless asked for.
+    #[schema(required)]
+    delivery: Option<DeliveryView>,
     /// Trace of the request that sent it; the log's lines about the job have it too.
     trace_id: String,
     /// Where to go from here.
@@ -97,14 +102,44 @@ pub struct CallbackView {
     #[schema(format = "uri")]
     url: String,
     /// Where it stands.
-    state: CallbackState,
+    state: SendState,
     /// All tries, oldest first.
-    deliveries: Vec<CallbackTry>,
+    deliveries: Vec<SendTry>,
 }
 
 impl From<Callback> for CallbackView {
     fn from(callback: Callback) -> Self {
         Self { url: callback.url, state: callback.state, deliveries: callback.log }
+    }
+}
+
+/// DICOM results that go to a PACS.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[schema(as = Delivery)]
+pub struct DeliveryView {
+    /// The PACS, by the name that the operator gave it.
+    to: String,
+    /// Where it stands. `waiting`: the job has not succeeded; `due`: they are sent, or sent again; `delivered`: the PACS
+    /// has all; `given_up`: it has those of `stored`, and no more are sent.
+    state: SendState,
+    /// Names of the results that the PACS has.
+    stored: Vec<String>,
+    /// Tries so far.
+    tries: u32,
+    /// When it is tried next, RFC 3339; null unless due.
+    #[schema(required, format = DateTime)]
+    next_try_at: Option<String>,
+    /// The last try; null before the first. Errors: `connect_failed`, `timed_out`, `tls_failed`, `interrupted`,
+    /// `redirected`, `refused_status`, `answer_unclear`, `instance_refused`, `class_not_supported`, `results_erased`,
+    /// `result_damaged`, `no_such_result`, `storage`.
+    #[schema(required)]
+    last_try: Option<SendTry>,
+}
+
+impl From<Delivery> for DeliveryView {
+    fn from(delivery: Delivery) -> Self {
+        let Delivery { to, state, stored, tries, next_try_at, last_try } = delivery;
+        Self { to, state, stored, tries, next_try_at: next_try_at.map(|time| time.to_string()), last_try }
     }
 }
 
@@ -222,6 +257,7 @@ impl From<JobStatus> for JobView {
             reused: job.reused,
             labels: job.labels,
             callback: job.callback.map(Into::into),
+            delivery: job.delivery.map(Into::into),
             trace_id: job.trace_id,
             links: Links { events: format!("{itself}/events"), itself, cancel, retry },
         }

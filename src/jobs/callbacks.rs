@@ -12,9 +12,9 @@ use tokio_util::task::TaskTracker;
 use uuid::Builder;
 
 use super::caller::OpenRequests;
-use super::job::{CallbackTry, Job};
+use super::job::{Job, SendTry};
 use super::service::Jobs;
-use super::store::{CallbackNext, DueCallback, host_of};
+use super::store::{DueCallback, SendNext, host_of};
 use crate::webhook::{Message, SendError, Sender, next_try_after};
 
 /// How often it is looked what is due though no job has ended.
@@ -66,11 +66,11 @@ async fn send_one(jobs: Arc<Jobs>, sender: Sender, due: DueCallback) {
     let sent = sender.send(&due.url, &message(&due.job)).await;
     let code = sent.as_ref().err().map_or("delivered", SendError::code);
     let next = match &sent {
-        Ok(_) => CallbackNext::Delivered,
-        Err(error) if error.is_final() => CallbackNext::GiveUp,
+        Ok(_) => SendNext::Delivered,
+        Err(error) if error.is_final() => SendNext::GiveUp,
         Err(_) => match next_try_after(due.tries + 1) {
-            Some(wait) => CallbackNext::TryAt(Timestamp::now() + wait),
-            None => CallbackNext::GiveUp,
+            Some(wait) => SendNext::TryAt(Timestamp::now() + wait),
+            None => SendNext::GiveUp,
         },
     };
     let id = due.job.id;
@@ -80,7 +80,7 @@ async fn send_one(jobs: Arc<Jobs>, sender: Sender, due: DueCallback) {
         Ok(status) => Some(*status),
         Err(error) => error.status(),
     };
-    let tried = CallbackTry { at: Timestamp::now(), status, error: sent.err().map(|error| error.code().to_owned()) };
+    let tried = SendTry { at: Timestamp::now(), status, error: sent.err().map(|error| error.code().to_owned()) };
     if let Err(error) = jobs.store().callback_tried(id, &tried, next).await {
         tracing::error!(job = %id, %error, "the outcome of a webhook cannot be written; it is sent again");
     }

@@ -12,6 +12,8 @@ pub struct Caller {
     pub token: Option<String>,
     /// Trace that the request belongs to.
     pub trace_id: String,
+    /// Archive that results of what is stored with the token go to.
+    pub deliver_to: Option<String>,
 }
 
 /// Counts the requests that each tenant has open, or what else is under way for each of some names.

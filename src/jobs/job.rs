@@ -173,21 +173,21 @@ pub struct Change {
     pub at: Timestamp,
 }
 
-/// Where the webhook of a job stands.
+/// Where a message about a job stands: its webhook, or the delivery of its results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum CallbackState {
-    /// The job has not ended.
+pub enum SendState {
+    /// The job has not come so far: not ended, or not succeeded where results are delivered.
     Waiting,
     /// It is to be sent, or sent again.
     Due,
     /// It arrived.
     Delivered,
-    /// It did not arrive and is not tried again.
+    /// It did not arrive, or not all of it, and is not tried again.
     GivenUp,
 }
 
-impl CallbackState {
+impl SendState {
     /// The name used in the API and in the store.
     #[must_use]
     pub fn name(self) -> &'static str {
@@ -206,9 +206,9 @@ impl CallbackState {
     }
 }
 
-/// One try at sending a webhook.
+/// One try at sending something.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
-pub struct CallbackTry {
+pub struct SendTry {
     /// When, RFC 3339.
     #[schema(value_type = String, format = DateTime)]
     pub at: Timestamp,
@@ -226,9 +226,26 @@ pub struct Callback {
     /// Where to.
     pub url: String,
     /// Where it stands.
-    pub state: CallbackState,
+    pub state: SendState,
     /// All tries, oldest first.
-    pub log: Vec<CallbackTry>,
+    pub log: Vec<SendTry>,
+}
+
+/// Results that go to an archive, and how far that is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Delivery {
+    /// The archive, by the name that the operator gave it.
+    pub to: String,
+    /// Where it stands.
+    pub state: SendState,
+    /// Names of the results that the archive has.
+    pub stored: Vec<String>,
+    /// Tries so far.
+    pub tries: u32,
+    /// When it is tried next, while it is due.
+    pub next_try_at: Option<Timestamp>,
+    /// The last try.
+    pub last_try: Option<SendTry>,
 }
 
 /// Everything the store knows of a job that a client may see.
@@ -278,6 +295,8 @@ pub struct Job {
     pub are_results_kept: bool,
     /// Whom to tell of its end.
     pub callback: Option<Callback>,
+    /// Where its results go.
+    pub delivery: Option<Delivery>,
 }
 
 impl Job {

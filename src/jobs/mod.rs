@@ -76,6 +76,8 @@ mod retention;
 
 mod callbacks;
 
+mod deliveries;
+
 pub mod audit_marks;
 
 /// Makes a folder that only its owner may enter.

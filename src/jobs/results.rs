@@ -41,6 +41,15 @@ impl Jobs {
     /// When there is no such job, it has no such result, or it was erased.
     pub async fn result(&self, caller: &Caller, id: JobId, name: &str) -> Result<Published, JobsError> {
         let job = self.own(caller, id).await?;
+        self.result_of(&job, name).await
+    }
+
+    /// As [`result`](Self::result), of a job that is at hand.
+    ///
+    /// # Errors
+    /// When it has no such result, or it was erased.
+    pub(super) async fn result_of(&self, job: &Job, name: &str) -> Result<Published, JobsError> {
+        let id = job.id;
         let missing = JobsError::NoSuchResult { state: job.state };
         let Some(artifact) = artifacts::by_name(name) else { return Err(missing) };
         let Some(token) = job.results_token.clone() else { return Err(missing) };
@@ -51,7 +60,7 @@ impl Jobs {
         if let Some(file) = job.result(name) {
             return Ok(Published { id, token, file: file.clone() });
         }
-        let file = self.made(&job, &token, artifact).await?.ok_or(missing)?;
+        let file = self.made(job, &token, artifact).await?.ok_or(missing)?;
         Ok(Published { id, token, file })
     }
 

@@ -55,6 +55,7 @@ pub struct Jobs {
     changes: Arc<Changes>,
     wake: Notify,
     wake_callbacks: Notify,
+    wake_deliveries: Notify,
     workers_alive: AtomicUsize,
     requests: Arc<OpenRequests>,
     /// Whether rows were deleted of which something may be left.
@@ -65,7 +66,7 @@ pub struct Jobs {
     audit: Arc<Audit>,
     metrics: Metrics,
     webhooks: Option<Sender>,
-    /// Archives that masks may be fetched from.
+    /// Archives that masks may be fetched from, and results go to.
     pub(super) pacs: Option<Pacs>,
     /// Held while a result is made on request.
     making: Arc<Mutex<()>>,
@@ -92,6 +93,7 @@ impl Jobs {
             changes: Arc::default(),
             wake: Notify::new(),
             wake_callbacks: Notify::new(),
+            wake_deliveries: Notify::new(),
             workers_alive: AtomicUsize::new(0),
             requests: Arc::default(),
             is_to_wipe: AtomicBool::new(true),
@@ -434,6 +436,16 @@ impl Jobs {
     /// Wakes who sends webhooks: one may be due.
     pub(super) fn wake_callbacks(&self) {
         self.wake_callbacks.notify_one();
+    }
+
+    /// Waits until a delivery may be due.
+    pub(super) async fn deliveries_woken(&self) {
+        self.wake_deliveries.notified().await;
+    }
+
+    /// Wakes who delivers results: some may be due.
+    pub(super) fn wake_deliveries(&self) {
+        self.wake_deliveries.notify_one();
     }
 
     /// Wakes one more worker: there may be a job.

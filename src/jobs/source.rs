@@ -104,6 +104,22 @@ impl Jobs {
         self.pacs.is_some()
     }
 
+    /// Whether there is one of this name.
+    ///
+    /// # Errors
+    /// [`SourceError::UnknownServer`] when there is not.
+    pub fn check_pacs(&self, name: &str) -> Result<(), SourceError> {
+        self.archive(name).map(|_| ())
+    }
+
+    fn archive(&self, name: &str) -> Result<Archive<'_>, SourceError> {
+        let pacs = self.pacs.as_ref();
+        pacs.and_then(|pacs| pacs.archive(name)).ok_or_else(|| {
+            let known = pacs.map(|pacs| pacs.names().map(str::to_owned).collect());
+            SourceError::UnknownServer { known: known.unwrap_or_default() }
+        })
+    }
+
     /// Fetches a segmentation from the archive `server`: the instance that is wanted, or the only segmentation of the
     /// series. Tried a few times; bounded as an upload is.
     ///
@@ -111,11 +127,7 @@ impl Jobs {
     /// When there is no such archive, it does not have it or does not answer, or the file is refused; nothing is left
     /// then.
     pub async fn fetch(&self, server: &str, wanted: &Wanted) -> Result<Received, SourceError> {
-        let pacs = self.pacs.as_ref();
-        let Some(archive) = pacs.and_then(|pacs| pacs.archive(server)) else {
-            let known = pacs.map(|pacs| pacs.names().map(str::to_owned).collect());
-            return Err(SourceError::UnknownServer { known: known.unwrap_or_default() });
-        };
+        let archive = self.archive(server)?;
         let turn = timeout_at(Instant::now() + PATIENCE, archive.turn()).await;
         let _turn = turn.ok().flatten().ok_or(SourceError::Busy)?;
         let deadline = Instant::now() + self.limits().upload.total;

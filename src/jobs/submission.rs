@@ -1,6 +1,7 @@
 //! Takes a mask in: checked, stored, and its row written, or answered from what is there already.
 
 use std::collections::BTreeMap;
+use std::fs::File;
 use std::path::Path;
 
 use jiff::Timestamp;
@@ -16,7 +17,8 @@ use super::service::{JobStatus, Jobs};
 use super::store::{Inserted, NewJob, Reused, StoreError, new_token};
 use super::upload::{Received, preflight};
 use crate::audit::Action;
-use crate::formats::hex;
+use crate::formats::{Identity, hex};
+use crate::problem::Problem;
 
 /// Version that results were made by; those of another one are not reused.
 pub const PROGRAM: &str = env!("CARGO_PKG_VERSION");
@@ -32,6 +34,8 @@ pub struct Submission {
     pub labels: BTreeMap<String, String>,
     /// Whom to tell of the end.
     pub callback_url: Option<String>,
+    /// Archive that the results go to.
+    pub deliver_to: Option<String>,
     /// Names the request, so that sending it again does nothing.
     pub idempotency_key: Option<String>,
     /// Whether the results of an equal request will do.
@@ -49,7 +53,11 @@ impl Submission {
         params.sort_all_objects();
         let labels: Vec<String> = self.labels.iter().map(|(name, value)| format!("{name}={value}")).collect();
         let callback = self.callback_url.as_deref().unwrap_or_default();
-        hashed(&[&self.upload.mask.sha256, &params.to_string(), &labels.join("\n"), callback])
+        let (params, labels) = (params.to_string(), labels.join("\n"));
+        let mut parts = vec![&*self.upload.mask.sha256, &params, &labels, callback];
+        // Left out where there is none: so a request that an earlier version took in is still known.
+        parts.extend(self.deliver_to.as_deref());
+        hashed(&parts)
     }
 }
 
@@ -116,7 +124,12 @@ impl Jobs {
     async fn new_job(&self, caller: &Caller, submission: &Submission) -> Result<NewJob, JobsError> {
         let (id, now) = (JobId::now(), Timestamp::now());
         let (file, limits) = (submission.upload.file.to_path_buf(), self.limits().input);
-        let header = spawn_blocking(move || preflight(&file, limits)).await?.map_err(JobsError::Refused)?;
+        let is_delivered = submission.deliver_to.is_some();
+        let header = spawn_blocking(move || {
+            let header = preflight(&file, limits)?;
+            if is_delivered { check_deliverable(&file).map(|()| header) } else { Ok(header) }
+        });
+        let header = header.await?.map_err(JobsError::Refused)?;
         let mask = &submission.upload.mask;
         Ok(NewJob {
             id,
@@ -130,6 +143,7 @@ impl Jobs {
             labels: submission.labels.clone(),
             idempotency_key: submission.idempotency_key.clone(),
             callback_url: submission.callback_url.clone(),
+            deliver_to: submission.deliver_to.clone(),
             trace_id: caller.trace_id.clone(),
             created_at: now,
         })
@@ -198,6 +212,21 @@ impl Jobs {
             }
         }
     }
+}
+
+/// Whether results of this file can go to an archive: without a patient and a study, it would not know where to. Blocks.
+///
+/// # Errors
+/// When the file is no DICOM, or cannot be read.
+fn check_deliverable(file: &Path) -> Result<(), Box<Problem>> {
+    let identity =
+        File::open(file).and_then(Identity::of_file).map_err(|error| Box::new(Problem::of_storage(&error)))?;
+    if identity.is_some_and(|identity| identity.study.is_some()) {
+        return Ok(());
+    }
+    let problem =
+        Problem::new(422, "nothing_to_deliver", "results for a PACS need a patient and a study, and the mask has none");
+    Err(Box::new(problem.at("deliver_to").hint("send a DICOM segmentation, or leave deliver_to out")))
 }
 
 /// Whether it is certain that no row was kept. What an error of the database leaves is unknown: a change that could not be

@@ -80,6 +80,8 @@ pub struct StoredToken {
     pub expires_at: Option<Timestamp>,
     /// When it was revoked.
     pub revoked_at: Option<Timestamp>,
+    /// Archive that results of what is stored with it (STOW-RS) go to.
+    pub deliver_to: Option<String>,
 }
 
 impl StoredToken {
@@ -147,6 +149,7 @@ impl Token {
             created_at: Timestamp::now(),
             expires_at,
             revoked_at: None,
+            deliver_to: None,
         }
     }
 }

@@ -146,6 +146,7 @@ impl Jobs {
         }
         self.changes().state(id);
         self.wake_callbacks();
+        self.wake_deliveries();
     }
 
     pub(super) async fn forget_mask(&self, id: JobId) {

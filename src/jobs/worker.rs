@@ -26,7 +26,7 @@ use super::service::Jobs;
 use super::store::blobs::LocalMask;
 use super::store::{Claim, LEASE, Outcome, StoreError};
 use super::submission::PROGRAM;
-use super::{callbacks, leases, retention, storage_health};
+use super::{callbacks, deliveries, leases, retention, storage_health};
 use crate::audit::Action;
 use crate::model::Warning;
 use crate::params::CheckedParams;
@@ -78,6 +78,7 @@ impl Workers {
             tokio::spawn(retention::keep(Arc::clone(jobs))),
             tokio::spawn(storage_health::watch(Arc::clone(jobs))),
             tokio::spawn(callbacks::send(Arc::clone(jobs))),
+            tokio::spawn(deliveries::send(Arc::clone(jobs))),
         ];
         Self { jobs: Arc::clone(jobs), tasks, housekeeping, stop }
     }

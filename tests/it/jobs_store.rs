@@ -6,13 +6,13 @@ use std::time::Duration;
 
 use jiff::{SignedDuration, Timestamp};
 use medialrep::jobs::job::{
-    CallbackState, CallbackTry, Job, JobId, JobState, JobWarning, MaskInfo, RequestedParams, ResultFile,
+    Job, JobId, JobState, JobWarning, MaskInfo, RequestedParams, ResultFile, SendState, SendTry,
 };
 use medialrep::jobs::moves::Cause;
 use medialrep::jobs::place::Place;
 use medialrep::jobs::store::{
-    CallbackNext, CancelAnswer, Held, Inserted, Lease, ListQuery, MAX_ATTEMPTS, NewJob, Outcome, QueueLimits, Reclaim,
-    RetryAnswer, Reused, Store, StoreError,
+    CancelAnswer, Held, Inserted, Lease, ListQuery, MAX_ATTEMPTS, NewJob, Outcome, QueueLimits, Reclaim, RetryAnswer,
+    Reused, SendNext, Store, StoreError,
 };
 use medialrep::jobs::token::{Scope, Token};
 use medialrep::problem::Problem;
@@ -40,6 +40,7 @@ fn new_job() -> NewJob {
         request_sha256: "request".to_owned(),
         work_sha256: "work".to_owned(),
         callback_url: None,
+        deliver_to: None,
         trace_id: "trace".to_owned(),
         created_at: Timestamp::now(),
         expected: Duration::ZERO,
@@ -607,7 +608,7 @@ async fn a_webhook_is_due_from_the_end_of_its_job_until_it_arrives() {
     store.insert(&job, LIMITS).await.unwrap();
     let soon = || Timestamp::now() + SignedDuration::from_secs(1);
     let callback = async || get(&*store, job.id).await.callback.unwrap();
-    assert_eq!(callback().await.state, CallbackState::Waiting);
+    assert_eq!(callback().await.state, SendState::Waiting);
     assert!(store.claim_callback(soon(), soon() + LEASE, &|_, _| false).await.unwrap().is_none());
     let lease = claim(&*store).await.unwrap();
     store.finish(&lease, &succeeded(), Timestamp::now()).await.unwrap();
@@ -615,12 +616,12 @@ async fn a_webhook_is_due_from_the_end_of_its_job_until_it_arrives() {
     assert_eq!((due.job.id, due.tries, due.url.as_str()), (job.id, 0, "https://hook.example/"));
     // Given away until its time is over.
     assert!(store.claim_callback(soon(), soon() + LEASE, &|_, _| false).await.unwrap().is_none());
-    let tried = |status| CallbackTry { at: Timestamp::now(), status, error: None };
-    store.callback_tried(job.id, &tried(None), CallbackNext::TryAt(Timestamp::now())).await.unwrap();
+    let tried = |status| SendTry { at: Timestamp::now(), status, error: None };
+    store.callback_tried(job.id, &tried(None), SendNext::TryAt(Timestamp::now())).await.unwrap();
     assert_eq!(store.claim_callback(soon(), soon() + LEASE, &|_, _| false).await.unwrap().unwrap().tries, 1);
-    store.callback_tried(job.id, &tried(Some(204)), CallbackNext::Delivered).await.unwrap();
+    store.callback_tried(job.id, &tried(Some(204)), SendNext::Delivered).await.unwrap();
     let told = callback().await;
-    assert_eq!((told.state, told.log.len(), told.log[1].status), (CallbackState::Delivered, 2, Some(204)));
+    assert_eq!((told.state, told.log.len(), told.log[1].status), (SendState::Delivered, 2, Some(204)));
     assert!(store.claim_callback(soon() + LEASE + LEASE, soon() + LEASE, &|_, _| false).await.unwrap().is_none());
 }
 

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use jiff::Timestamp;
-use medialrep::jobs::job::{CallbackState, Job, JobId, JobState};
+use medialrep::jobs::job::{Job, JobId, JobState, SendState};
 use medialrep::jobs::place::{OpenError, Place};
 use medialrep::jobs::store::{ListQuery, QueueLimits, Reclaim, RetryAnswer, Store, StoreError};
 use medialrep::jobs::token::{Scope, Token};
@@ -91,7 +91,7 @@ async fn write(pool: &SqlitePool, step: i64, job: &Kept) {
     match step {
         1 => {}
         2 => write_second(pool, job).await,
-        3..=9 => {
+        3..=10 => {
             write_second(pool, job).await;
             write_third(pool, job).await;
         }
@@ -259,7 +259,7 @@ async fn tokens_keys_labels_and_webhooks_are_what_they_were() {
     let query = ListQuery { owner: "one".to_owned(), label, limit: 100, ..ListQuery::default() };
     assert_eq!(store.list(&query).await.unwrap().len(), jobs.len());
     assert_eq!(store.claim_callback(now, now, &|_, _| false).await.unwrap().unwrap().job.id, jobs[0].id);
-    assert_eq!(get(&*store, jobs[3].id).await.callback.unwrap().state, CallbackState::Waiting);
+    assert_eq!(get(&*store, jobs[3].id).await.callback.unwrap().state, SendState::Waiting);
 }
 
 #[tokio::test]

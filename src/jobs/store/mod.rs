@@ -22,7 +22,7 @@ use jiff::{SignedDuration, Timestamp};
 use uuid::Uuid;
 
 use crate::audit::Mark;
-use crate::jobs::job::{CallbackTry, Job, JobId, JobState, JobWarning, MaskInfo, ResultFile};
+use crate::jobs::job::{Job, JobId, JobState, JobWarning, MaskInfo, ResultFile, SendTry};
 use crate::jobs::moves::Cause;
 use crate::jobs::token::StoredToken;
 use crate::problem::Problem;
@@ -114,12 +114,14 @@ pub struct NewJob {
     pub labels: BTreeMap<String, String>,
     /// Key of the request, unique per owner.
     pub idempotency_key: Option<String>,
-    /// Hash of all that was asked for: mask, parameters, labels, callback.
+    /// Hash of all that was asked for: mask, parameters, labels, callback, delivery.
     pub request_sha256: String,
     /// Hash of mask and parameters: of what the results follow from.
     pub work_sha256: String,
     /// Whom to tell of the end.
     pub callback_url: Option<String>,
+    /// Archive that its results go to.
+    pub deliver_to: Option<String>,
     /// Trace of the request.
     pub trace_id: String,
     /// When it was accepted.
@@ -396,9 +398,9 @@ pub fn host_of(url: &str) -> &str {
     rest.split(['/', '?', '#']).next().unwrap_or(rest)
 }
 
-/// How a job's webhook goes on after a try.
+/// How a webhook or a delivery goes on after a try.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CallbackNext {
+pub enum SendNext {
     /// It arrived.
     Delivered,
     /// Once more at this time.
@@ -522,7 +524,23 @@ pub trait CallbackStore: Send + Sync {
     ) -> Result<Option<DueCallback>, StoreError>;
 
     /// Writes what came of a try.
-    async fn callback_tried(&self, id: JobId, tried: &CallbackTry, next: CallbackNext) -> Result<(), StoreError>;
+    async fn callback_tried(&self, id: JobId, tried: &SendTry, next: SendNext) -> Result<(), StoreError>;
+}
+
+/// Results on their way to archives.
+#[async_trait]
+pub trait DeliveryStore: Send + Sync {
+    /// The job whose delivery to this archive came due first, given to the caller until `until`.
+    async fn claim_delivery(&self, to: &str, now: Timestamp, until: Timestamp) -> Result<Option<Job>, StoreError>;
+
+    /// Keeps it for the caller until a later time.
+    async fn extend_delivery(&self, id: JobId, until: Timestamp) -> Result<(), StoreError>;
+
+    /// Writes that the archive has one more of the results.
+    async fn delivery_stored(&self, id: JobId, name: &str) -> Result<(), StoreError>;
+
+    /// Writes what came of a try.
+    async fn delivery_tried(&self, id: JobId, tried: &SendTry, next: SendNext) -> Result<(), StoreError>;
 }
 
 /// What is remembered of the audit log.
@@ -555,7 +573,7 @@ pub trait TokenStore: Send + Sync {
 
 /// Keeps jobs and tokens. Every call is atomic, and durable when it returns.
 #[async_trait]
-pub trait Store: JobStore + QueueStore + RetentionStore + CallbackStore + TokenStore {
+pub trait Store: JobStore + QueueStore + RetentionStore + CallbackStore + DeliveryStore + TokenStore {
     /// Fails unless the store can be written to.
     async fn check_writable(&self) -> Result<(), StoreError>;
 

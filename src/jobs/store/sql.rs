@@ -55,13 +55,16 @@ fn target(cause: Cause) -> String {
 /// A statement's expressions all see the row as it was before.
 fn set(target: &str) -> String {
     let has_ended = is_one_of(target, JobState::ALL.into_iter().filter(|state| state.has_ended()));
+    let has_succeeded = is_one_of(target, [JobState::Succeeded].into_iter());
     format!(
         "state = {target},
          history = CASE WHEN state = {target} THEN history
                         ELSE history || ' ' || {target} || '@' || CAST(CAST($1 AS BIGINT) AS TEXT) END,
          ended_at_ms = CASE WHEN {has_ended} THEN CAST($1 AS BIGINT) END,
          callback_state = CASE WHEN callback_url IS NULL THEN NULL WHEN {has_ended} THEN 'due' ELSE 'waiting' END,
-         callback_due_ms = CASE WHEN callback_url IS NOT NULL AND {has_ended} THEN CAST($1 AS BIGINT) END"
+         callback_due_ms = CASE WHEN callback_url IS NOT NULL AND {has_ended} THEN CAST($1 AS BIGINT) END,
+         delivery_state = CASE WHEN delivery_to IS NULL THEN NULL WHEN {has_succeeded} THEN 'due' ELSE 'waiting' END,
+         delivery_due_ms = CASE WHEN delivery_to IS NOT NULL AND {has_succeeded} THEN CAST($1 AS BIGINT) END"
     )
 }
 

@@ -6,8 +6,8 @@ use jiff::Timestamp;
 use sqlx::Row;
 
 use super::{SqliteStore, rows, statements};
-use crate::jobs::job::{CallbackState, CallbackTry, JobId};
-use crate::jobs::store::{CallbackNext, CallbackStore, DueCallback, StoreError, host_of};
+use crate::jobs::job::{JobId, SendState, SendTry};
+use crate::jobs::store::{CallbackStore, DueCallback, SendNext, StoreError, host_of};
 
 #[async_trait]
 impl CallbackStore for SqliteStore {
@@ -33,11 +33,11 @@ impl CallbackStore for SqliteStore {
         Ok(Some(DueCallback { job, url: callback.url, tries }))
     }
 
-    async fn callback_tried(&self, id: JobId, tried: &CallbackTry, next: CallbackNext) -> Result<(), StoreError> {
+    async fn callback_tried(&self, id: JobId, tried: &SendTry, next: SendNext) -> Result<(), StoreError> {
         let (state, due) = match next {
-            CallbackNext::Delivered => (CallbackState::Delivered, None),
-            CallbackNext::TryAt(time) => (CallbackState::Due, Some(time.as_millisecond())),
-            CallbackNext::GiveUp => (CallbackState::GivenUp, None),
+            SendNext::Delivered => (SendState::Delivered, None),
+            SendNext::TryAt(time) => (SendState::Due, Some(time.as_millisecond())),
+            SendNext::GiveUp => (SendState::GivenUp, None),
         };
         // The log is a JSON array of objects: its bracket makes room for one more.
         sqlx::query(

@@ -213,10 +213,11 @@ async fn insert_queued(transaction: &mut Transaction<'_, Sqlite>, job: &NewJob) 
     sqlx::query(
         "INSERT INTO jobs (id, state, owner, labels, idempotency_key, request_sha256, mask_sha256, mask_bytes, params,
                            attempt, cancel_requested, created_at_ms, turn_ms, history, trace_id, callback_url,
-                           callback_state, callback_lane, work_sha256, lane, expected_ms, warnings,
-                           results)
+                           callback_state, callback_lane, delivery_to, delivery_state, work_sha256, lane, expected_ms,
+                           warnings, results)
          VALUES ($1, $14, $2, $3, $4, $5, $6, $7, $8, 0, 0, $9, $10, ' ' || $14 || '@' || CAST($9 AS TEXT), $11, $12,
-                 CASE WHEN $12 IS NULL THEN NULL ELSE 'waiting' END, $17, $13, $15, $16, '[]', '[]')",
+                 CASE WHEN $12 IS NULL THEN NULL ELSE 'waiting' END, $17, $18,
+                 CASE WHEN $18 IS NULL THEN NULL ELSE 'waiting' END, $13, $15, $16, '[]', '[]')",
     )
     .bind(job.id.to_string())
     .bind(&job.owner)
@@ -235,6 +236,7 @@ async fn insert_queued(transaction: &mut Transaction<'_, Sqlite>, job: &NewJob) 
     .bind(job.lane())
     .bind(job.expected_ms())
     .bind(job.callback_url.as_ref().map(|url| format!("{} {}", job.owner, host_of(url))))
+    .bind(&job.deliver_to)
     .execute(&mut **transaction)
     .await?;
     Ok(())

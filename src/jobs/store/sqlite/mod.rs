@@ -20,6 +20,8 @@ mod retention;
 
 mod callbacks;
 
+mod deliveries;
+
 mod tokens;
 
 use std::cmp::Ordering;
@@ -177,6 +179,7 @@ fn migrator() -> Migrator {
         migration(7, "storage", include_str!("../../../../migrations/sqlite/0007_storage.sql")),
         migration(8, "audit", include_str!("../../../../migrations/sqlite/0008_audit.sql")),
         migration(9, "erased", include_str!("../../../../migrations/sqlite/0009_erased.sql")),
+        migration(10, "deliveries", include_str!("../../../../migrations/sqlite/0010_deliveries.sql")),
     ])
 }
 

@@ -6,7 +6,7 @@ use serde::de::DeserializeOwned;
 use sqlx::Row;
 use sqlx::sqlite::SqliteRow;
 
-use crate::jobs::job::{Callback, CallbackState, Change, Job, JobId, JobState, MaskInfo, ResultFile};
+use crate::jobs::job::{Callback, Change, Delivery, Job, JobId, JobState, MaskInfo, ResultFile, SendState};
 use crate::jobs::store::StoreError;
 
 pub(super) fn job(row: &SqliteRow) -> Result<Job, StoreError> {
@@ -34,6 +34,7 @@ pub(super) fn job(row: &SqliteRow) -> Result<Job, StoreError> {
         is_mask_kept: flag(row, "mask_kept")?,
         are_results_kept: flag(row, "results_kept")?,
         callback: callback(row)?,
+        delivery: delivery(row)?,
     })
 }
 
@@ -74,8 +75,22 @@ fn history(text: &str) -> Result<Vec<Change>, StoreError> {
 
 fn callback(row: &SqliteRow) -> Result<Option<Callback>, StoreError> {
     let Some(url) = row.try_get("callback_url")? else { return Ok(None) };
-    let state = CallbackState::from_name(row.try_get("callback_state")?).ok_or_else(|| corrupt("callback_state"))?;
+    let state = SendState::from_name(row.try_get("callback_state")?).ok_or_else(|| corrupt("callback_state"))?;
     Ok(Some(Callback { url, state, log: json(row, "callback_log")? }))
+}
+
+fn delivery(row: &SqliteRow) -> Result<Option<Delivery>, StoreError> {
+    let Some(to) = row.try_get("delivery_to")? else { return Ok(None) };
+    let state = SendState::from_name(row.try_get("delivery_state")?).ok_or_else(|| corrupt("delivery_state"))?;
+    let last: Option<String> = row.try_get("delivery_last")?;
+    Ok(Some(Delivery {
+        to,
+        state,
+        stored: json(row, "delivery_stored")?,
+        tries: u32::try_from(row.try_get::<i64, _>("delivery_tries")?).map_err(|_| corrupt("delivery_tries"))?,
+        next_try_at: time(row, "delivery_due_ms")?,
+        last_try: last.map(|text| serde_json::from_str(&text).map_err(|_| corrupt("delivery_last"))).transpose()?,
+    }))
 }
 
 fn json<T: DeserializeOwned>(row: &SqliteRow, column: &'static str) -> Result<T, StoreError> {

@@ -43,6 +43,10 @@ pub(super) const EXPIRE_JOBS: &str = "DELETE FROM jobs WHERE id IN (SELECT id FR
 pub(super) const NEXT_CALLBACK: &str = "SELECT id, owner, callback_url, callback_lane, callback_due_ms FROM jobs
      WHERE callback_state = 'due' AND callback_lane > $1 ORDER BY callback_lane, callback_due_ms LIMIT 1";
 
+/// The delivery to an archive that came due first.
+pub(super) const NEXT_DELIVERY: &str = "SELECT id FROM jobs
+     WHERE delivery_state = 'due' AND delivery_to = $1 AND delivery_due_ms <= $2 ORDER BY delivery_due_ms LIMIT 1";
+
 /// A tenant's jobs, newest first: of `$1` before `$3`, in state `$2`, with label `$4` of value `$5`, `$6` at the most.
 pub(super) fn list(has_label: bool, has_state: bool) -> String {
     let state = if has_state { "AND state = $2" } else { "" };
@@ -90,6 +94,7 @@ mod tests {
             (EXPIRE_RESULTS, "jobs_by_end_of_results"),
             (EXPIRE_JOBS, "jobs_by_end"),
             (NEXT_CALLBACK, "jobs_by_callback"),
+            (NEXT_DELIVERY, "jobs_by_delivery"),
             (&*lists[0], "jobs_by_owner"),
             (&*lists[1], "jobs_by_owner_and_state"),
             (&*lists[2], "PRIMARY KEY"),

@@ -14,8 +14,8 @@ impl TokenStore for SqliteStore {
     async fn insert_token(&self, token: &StoredToken) -> Result<(), StoreError> {
         let scopes: Vec<_> = token.scopes.iter().map(|scope| scope.name()).collect();
         sqlx::query(
-            "INSERT INTO tokens (id, secret_sha256, tenant, scopes, created_at_ms, expires_at_ms)
-             VALUES ($1, $2, $3, $4, $5, $6)",
+            "INSERT INTO tokens (id, secret_sha256, tenant, scopes, created_at_ms, expires_at_ms, deliver_to)
+             VALUES ($1, $2, $3, $4, $5, $6, $7)",
         )
         .bind(&token.id)
         .bind(&token.secret_sha256)
@@ -23,6 +23,7 @@ impl TokenStore for SqliteStore {
         .bind(scopes.join(" "))
         .bind(token.created_at.as_millisecond())
         .bind(token.expires_at.map(Timestamp::as_millisecond))
+        .bind(&token.deliver_to)
         .execute(&self.writer)
         .await?;
         Ok(())
@@ -63,5 +64,6 @@ fn token(row: &SqliteRow) -> Result<StoredToken, StoreError> {
         created_at: rows::time(row, "created_at_ms")?.ok_or_else(|| rows::corrupt("created_at_ms"))?,
         expires_at: rows::time(row, "expires_at_ms")?,
         revoked_at: rows::time(row, "revoked_at_ms")?,
+        deliver_to: row.try_get("deliver_to")?,
     })
 }
