@@ -7,7 +7,7 @@ use medialrep::jobs::limits::JobLimits;
 use serde_json::{Value, json};
 
 use crate::help::dicom_bytes::{Seg, text};
-use crate::help::pacs::{FakePacs, INSTANCE, MULTIPART, Reply, SERIES, STUDY, related};
+use crate::help::pacs::{Asked, FakePacs, INSTANCE, MULTIPART, Reply, SERIES, STUDY, related};
 use crate::help::support::{Answer, CANARY, Server, limits, logged, mask, writes};
 
 const SEGMENTATION: &str = "1.2.840.10008.5.1.4.1.1.66.4";
@@ -87,7 +87,7 @@ async fn an_instance_is_fetched_and_worked_on() {
     assert_eq!((&job["params"], &job["labels"]), (&body["params"], &body["labels"]));
     assert_eq!(job["mask"]["bytes"], mask().len());
     let asked = pacs.asked();
-    let [(address, headers)] = &asked[..] else { panic!("{} times", asked.len()) };
+    let [Asked { address, headers, .. }] = &asked[..] else { panic!("{} times", asked.len()) };
     assert_eq!(address, &format!("/dicom-web/studies/{STUDY}/series/{SERIES}/instances/{INSTANCE}"));
     assert_eq!(headers["accept"], "multipart/related; type=\"application/dicom\"; transfer-syntax=*");
     assert!(headers["authorization"].to_str().unwrap().starts_with("Basic "));
@@ -122,7 +122,7 @@ async fn the_only_segmentation_of_a_series_needs_no_name() {
     let answer = submit(&server, &source(None)).await;
     assert_eq!(answer.status, 202, "{}", answer.text());
     assert_eq!(answer.json()["mask"]["bytes"], seg(1).len());
-    assert_eq!(pacs.asked()[0].0, format!("/dicom-web/studies/{STUDY}/series/{SERIES}"));
+    assert_eq!(pacs.asked()[0].address, format!("/dicom-web/studies/{STUDY}/series/{SERIES}"));
 }
 
 #[tokio::test]

@@ -120,6 +120,8 @@ mod api_sources;
 
 mod api_stow;
 
+mod api_deliver;
+
 mod cli_operate;
 
 mod api_jobs;

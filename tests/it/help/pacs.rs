@@ -81,14 +81,21 @@ pub fn related(files: &[Vec<u8>]) -> Vec<u8> {
     body
 }
 
-/// What it was asked: address and headers.
-type Asked = Arc<Mutex<Vec<(String, HeaderMap)>>>;
+/// A request.
+#[derive(Clone, Debug)]
+pub struct Asked {
+    pub address: String,
+    pub headers: HeaderMap,
+    pub body: Bytes,
+}
+
+type AllAsked = Arc<Mutex<Vec<Asked>>>;
 type Replies = Arc<Mutex<VecDeque<Reply>>>;
 
 /// A PACS named `main`.
 pub struct FakePacs {
     pub url: String,
-    asked: Asked,
+    asked: AllAsked,
 }
 
 impl FakePacs {
@@ -96,19 +103,24 @@ impl FakePacs {
     pub async fn start(replies: Vec<Reply>) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let url = format!("http://{}/dicom-web", listener.local_addr().unwrap());
-        let (asked, replies): (Asked, Replies) = (Asked::default(), Arc::new(Mutex::new(replies.into())));
+        let (asked, replies): (AllAsked, Replies) = (AllAsked::default(), Arc::new(Mutex::new(replies.into())));
         let router = Router::new().fallback(answer).with_state((Arc::clone(&asked), replies));
         tokio::spawn(async move { axum::serve(listener, router).await });
         Self { url, asked }
     }
 
-    pub fn asked(&self) -> Vec<(String, HeaderMap)> {
+    pub fn asked(&self) -> Vec<Asked> {
         self.asked.lock().unwrap().clone()
     }
 
     /// What asks it, with a user and a password; `idle` is the longest silence.
     pub fn client(&self, idle: Duration) -> Pacs {
-        let mut server: PacsServer = format!("main={}", self.url).parse().unwrap();
+        self.client_of(&self.url, idle)
+    }
+
+    /// What asks another in its place.
+    pub fn client_of(&self, url: &str, idle: Duration) -> Pacs {
+        let mut server: PacsServer = format!("main={url}").parse().unwrap();
         server.credentials = Some(format!("peer:{CANARY}").parse().unwrap());
         let connect = Duration::from_secs(2);
         Pacs::new(PacsConfig { servers: vec![server], extra_roots: Vec::new(), connect, idle }).unwrap()
@@ -116,10 +128,13 @@ impl FakePacs {
 }
 
 async fn answer(
-    State((asked, replies)): State<(Asked, Replies)>,
+    State((asked, replies)): State<(AllAsked, Replies)>,
     request: Request<Body>,
 ) -> Result<Response<Body>, Infallible> {
-    asked.lock().unwrap().push((request.uri().to_string(), request.headers().clone()));
+    let (head, body) = request.into_parts();
+    // What is cut off was not asked.
+    let Ok(body) = axum::body::to_bytes(body, usize::MAX).await else { return Ok(Response::default()) };
+    asked.lock().unwrap().push(Asked { address: head.uri.to_string(), headers: head.headers, body });
     let reply = {
         let mut replies = replies.lock().unwrap();
         let reply = replies.pop_front().expect("an answer");

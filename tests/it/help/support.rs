@@ -76,8 +76,12 @@ impl Server {
 
     /// With archives that masks may be fetched from.
     pub async fn with_pacs(limits: JobLimits, pacs: Pacs) -> Self {
+        Self::open_with_pacs(TempDir::new().unwrap(), limits, pacs).await
+    }
+
+    /// The same in a folder that may have been used before.
+    pub async fn open_with_pacs(dir: TempDir, limits: JobLimits, pacs: Pacs) -> Self {
         keep_log();
-        let dir = TempDir::new().unwrap();
         let jobs = Jobs::open(&Place::at(dir.path()), limits, None).await.unwrap();
         let jobs = Arc::new(jobs.with_pacs(pacs));
         Self { router: router(Arc::clone(&jobs), access()), workers: None, jobs, dir }
@@ -256,11 +260,15 @@ pub fn content(name: &str) -> Vec<u8> {
 
 /// Leaves two files and a warning.
 pub fn writes() -> Processor {
-    Arc::new(|mask, _, _, out, observer| {
+    writes_these(&[("model.glb", "model/gltf-binary"), ("thickness.json", "application/json")])
+}
+
+/// Writes artifacts of these names and media types.
+pub fn writes_these(artifacts: &'static [(&'static str, &'static str)]) -> Processor {
+    Arc::new(move |mask, _, _, out, observer| {
         assert!(mask.is_file());
         observer.progress(0, 1, Stage::Quality, 1.0);
-        let artifacts = [("model.glb", "model/gltf-binary"), ("thickness.json", "application/json")];
-        let artifacts = artifacts.map(|(name, media_type)| {
+        let artifacts = artifacts.iter().map(|(name, media_type)| {
             let content = content(name);
             std::fs::write(out.join(name), &content).unwrap();
             let sha256 = Sha256::digest(&content).iter().map(|byte| format!("{byte:02x}")).collect();
@@ -268,7 +276,7 @@ pub fn writes() -> Processor {
         });
         let warning = Warning { code: "thin".into(), message: "a place is thin".to_owned() };
         Ok(Processed {
-            files: artifacts.to_vec(),
+            files: artifacts.collect(),
             warnings: vec![warning],
             stage_seconds: vec![(Stage::Isomap, 0.5)],
             structures: Vec::new(),
