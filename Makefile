@@ -1,6 +1,6 @@
 # What one does here. `make run` and `make test` are all that a newcomer needs.
 
-.PHONY: run test web bench accuracy verdict paper fuzz soak contract lint openapi image-check deny clean
+.PHONY: run test web bench accuracy verdict paper fuzz soak contract lint openapi image-check orthanc-check deny clean
 
 # The service and its page on 127.0.0.1:8080, with a sample job already sent.
 run:
@@ -65,6 +65,11 @@ openapi:
 # Builds the image and runs a job through it; needs root, no registry of images.
 image-check:
 	@scripts/image-check.sh
+
+# Runs the recipe of examples/orthanc on a real Orthanc in a network of its own: three hooks, either side killed
+# or away. LENGTH=long is away for minutes. Debian's packages; MEDIALREP_MAY_INSTALL=1 lets root install them.
+orthanc-check:
+	@scripts/orthanc-check.sh $(LENGTH)
 
 # Licences, advisories and sources of all dependencies; needs cargo-deny.
 deny:

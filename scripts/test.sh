@@ -23,13 +23,17 @@ not_passed=$(sort -u "$left_out" | wc -l)
 if [ $# -eq 0 ]; then
     program=$(cargo build --locked --message-format=json 2>/dev/null | sed -n 's/.*"executable":"\([^"]*\/medialrep\)".*/\1/p')
     (cd web && MEDIALREP_PROGRAM=$program MEDIALREP_BROWSER=$browser NO_COLOR=1 npm test --silent) 2>&1 | tee -a "$log" || status=1
+    MEDIALREP_PROGRAM=$program scripts/orthanc-check.sh 2>&1 | tee -a "$log" || status=1
 else
     echo "left out: all tests of the page: a filter was given" >>"$left_out"
+    echo "left out: orthanc-check: a filter was given" >>"$left_out"
 fi
 echo
 sort -u "$left_out"
 awk -v not_passed="$not_passed" -v left_out="$(sort -u "$left_out" | wc -l)" '
     /^test result:/ { passed += $4; failed += $6 }
+    /^orthanc: ok:/ { passed += 1 }
+    /^orthanc: FAILED:/ { failed += 1 }
     /^ +Tests / { for (i = 2; i <= NF; i++) { if ($i == "passed") passed += $(i - 1); if ($i == "failed") failed += $(i - 1) } }
     END { printf "\n%d passed, %d failed, %d left out\n", passed - not_passed, failed, left_out }
 ' "$log"
