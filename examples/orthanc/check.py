@@ -21,8 +21,10 @@ import make_seg
 HERE = pathlib.Path(__file__).resolve().parent
 # Every series that comes back, by its modality, beside the one that was sent.
 COMPLETE = {"SEG": 1, "OT": 1, "DOC": 1, "SR": 1, "M3D": 1}
-# Edge of a voxel in mm whose job is over in a second, and one whose job runs for some: time to kill.
-QUICK, SLOW = 2.0, 0.3
+# A segmentation that is not sent, or that is refused.
+ALONE = {"SEG": 1}
+# Edge of a voxel in mm whose job runs for some seconds: time to kill.
+SLOW = 0.3
 # Seconds that something is away, and that its results may take afterwards: tries come at growing distances.
 AWAY = {"short": 6, "long": 75}
 PATIENCE = {"short": 60, "long": 300}
@@ -85,7 +87,8 @@ class Recipe:
         self.length, self.hook, self.folder = length, hook, folder
         self.service = Process([HERE / "service.sh", folder], folder / "service.log", self.service_is_ready)
         self.orthanc = Process([HERE / "orthanc.sh", folder, hook], folder / "orthanc.log", self.orthanc_is_ready)
-        self.sent = []
+        # By the name of what was sent: what its study must have in the end.
+        self.expected = {}
 
     def service_is_ready(self):
         return self.ask_service("GET", "/readyz")[0] == 200
@@ -109,24 +112,23 @@ class Recipe:
     def jobs(self):
         return self.json_of(self.ask_service, "GET", "/v1/jobs?limit=200")["jobs"]
 
-    def make(self, name, **other):
-        arguments = {"spacing": QUICK, "manufacturer": "recipe", "transfer": make_seg.EXPLICIT, **other}
-        return make_seg.file_bytes(name, **arguments)
+    def put(self, file):
+        """Into Orthanc by its REST interface."""
+        self.json_of(self.ask_orthanc, "POST", "/instances", file)
 
     def send(self, name, **other):
-        """Into Orthanc by its REST interface."""
-        self.json_of(self.ask_orthanc, "POST", "/instances", self.make(name, **other))
-        self.sent.append(name)
+        self.put(make_seg.file_bytes(name, **other))
+        self.expected[name] = COMPLETE
 
     def send_by_dicom(self, name, **other):
         """Into Orthanc by C-STORE."""
         with tempfile.NamedTemporaryFile(dir=self.folder, suffix=".dcm") as file:
-            file.write(self.make(name, **other))
+            file.write(make_seg.file_bytes(name, **other))
             file.flush()
             # -R: only the class of this file is proposed; storescu's own list ends before segmentations.
             command = ["storescu", "-R", "-aec", "ORTHANC", "127.0.0.1", "4242", file.name]
             subprocess.run(command, check=True, timeout=60, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        self.sent.append(name)
+        self.expected[name] = COMPLETE
 
     def in_study(self, name):
         """How many instances of each modality its study has."""
@@ -139,7 +141,7 @@ class Recipe:
     def expect(self, *names):
         for name in names:
             what = f"results of {name} in its study"
-            wait_for(what, lambda: self.in_study(name) == COMPLETE, PATIENCE[self.length])
+            wait_for(what, lambda: self.in_study(name) == self.expected[name], PATIENCE[self.length])
 
     def expect_running(self):
         wait_for("a job runs", lambda: any(job["state"] == "running" for job in self.jobs()), 30)
@@ -157,14 +159,23 @@ class Recipe:
         self.send_by_dicom("dicom", transfer=make_seg.IMPLICIT)
         self.expect("dicom")
 
-    def own_segmentation(self):
+    def grows(self):
+        self.send("grows")
+        self.expect("grows")
+        self.put(make_seg.file_bytes("grows", number=2))
+        self.expected["grows"] = {modality: 2 for modality in COMPLETE}
+        self.expect("grows")
+
+    def unusable(self):
+        """One of ours and one that cannot be read; then one whose results show that their turn has passed."""
         before = len(self.jobs())
-        self.json_of(self.ask_orthanc, "POST", "/instances", self.make("own", manufacturer="medialrep"))
-        # One after it, whose results show that its turn has passed.
-        self.send("after-own")
-        self.expect("after-own")
-        if self.in_study("own") != {"SEG": 1} or len(self.jobs()) != before + 1:
-            raise Miss("a segmentation of ours was sent")
+        self.put(make_seg.file_bytes("own", manufacturer="medialrep"))
+        self.put(make_seg.file_bytes("unreadable").replace(b"BINARY", b"BINERY"))
+        self.expected.update({"own": ALONE, "unreadable": ALONE})
+        self.send("after-them")
+        self.expect("after-them")
+        if (count := len(self.jobs()) - before) != 1:
+            raise Miss(f"{count} jobs were made of one segmentation")
 
     def orthanc_killed(self, name="orthanc-killed", by=signal.SIGKILL):
         self.send(name, spacing=SLOW)
@@ -213,13 +224,21 @@ class Recipe:
     def once_each(self):
         """Nothing came twice, nowhere, of all that was sent before."""
         time.sleep(REST)
-        for name in self.sent:
-            if (found := self.in_study(name)) != COMPLETE:
+        for name, expected in self.expected.items():
+            if (found := self.in_study(name)) != expected:
                 raise Miss(f"the study of {name} has {found}")
-        expected = len(self.sent) + 1
         found = len(self.json_of(self.ask_orthanc, "GET", "/studies"))
-        if found != expected:
-            raise Miss(f"there are {found} studies, not {expected}")
+        if found != len(self.expected):
+            raise Miss(f"there are {found} studies, not {len(self.expected)}")
+
+    def sends_nothing_again(self):
+        self.orthanc.end()
+        begin = self.orthanc.log.stat().st_size
+        self.orthanc.start()
+        # The Lua hooks hear of one that cannot be read only that it was refused, and try again for hours.
+        expected = 0 if self.hook == "python" else 1
+        line = f"medialrep: {expected} series were not "
+        wait_for(line, lambda: line.encode() in self.orthanc.log.read_bytes()[begin:], 10)
 
     def silent_logs(self):
         """No name, no number of a patient, no secret in what either side wrote."""
@@ -234,7 +253,8 @@ def cases(recipe):
     yield "a segmentation comes by REST, its results come back", recipe.comes_by_rest
     if shutil.which("storescu"):
         yield "a segmentation comes by C-STORE, its results come back", recipe.comes_by_dicom
-    yield "a segmentation of ours is not sent", recipe.own_segmentation
+    yield "a series grows, each result comes once", recipe.grows
+    yield "one of ours is not sent, one that cannot be read holds up no other", recipe.unusable
     yield "Orthanc is killed while a job runs, and is away", recipe.orthanc_killed
     yield "the service is killed while a job runs", recipe.service_killed
     yield "the service is away when a segmentation comes", recipe.service_away
@@ -247,6 +267,7 @@ def cases(recipe):
         yield "the service is killed and away when one comes", lambda: recipe.service_away("killed-away", kill)
         yield "either is killed while results are stored", recipe.killed_while_storing
     yield "each result is stored once", recipe.once_each
+    yield "what was taken is not sent again when Orthanc starts again", recipe.sends_nothing_again
     yield "the logs have no patient and no secret", recipe.silent_logs
 
 

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """Writes a DICOM segmentation (BINARY, one segment: a bent plate) with nothing but Python's standard library.
 
-For trying the recipe without a patient. Equal arguments give equal bytes, another name another patient, study and
-instance.
+For trying the recipe without a patient. Equal arguments give equal bytes, another name another patient and study, another
+number another instance of the same series.
 
-usage: make_seg.py NAME OUT.dcm [--spacing MM] [--manufacturer NAME] [--implicit]
+usage: make_seg.py NAME OUT.dcm [--number N] [--spacing MM] [--manufacturer NAME] [--implicit]
 """
 
 import argparse
@@ -97,12 +97,16 @@ def packed(bits):
     return bytes(sum(bit << place for place, bit in enumerate(bits[at : at + 8])) for at in range(0, len(bits), 8))
 
 
-def identity(name, manufacturer):
+def instance_uid(name, number):
+    return uid(name, f"instance {number}")
+
+
+def identity(name, number, manufacturer):
     return [
         (0x00080005, "CS", "ISO_IR 100"),
         (0x00080008, "CS", "DERIVED\\PRIMARY"),
         (0x00080016, "UI", SEGMENTATION),
-        (0x00080018, "UI", uid(name, "instance")),
+        (0x00080018, "UI", instance_uid(name, number)),
         (0x00080020, "DA", "20260102"),
         (0x00080021, "DA", "20260102"),
         (0x00080023, "DA", "20260102"),
@@ -124,7 +128,7 @@ def identity(name, manufacturer):
         (0x0020000E, "UI", uid(name, "series")),
         (0x00200010, "SH", ""),
         (0x00200011, "IS", "2"),
-        (0x00200013, "IS", "1"),
+        (0x00200013, "IS", str(number)),
         (0x00200052, "UI", uid(name, "frame of reference")),
         (0x00201040, "LO", ""),
     ]
@@ -190,13 +194,13 @@ def dimensions(name):
     ]
 
 
-def content(name, spacing, manufacturer):
+def content(name, number, spacing, manufacturer):
     found, rows, columns = slices(spacing)
     bits = [bit for _, frame_bits in found for bit in frame_bits]
     reference = [(0x00081150, "UI", MR_IMAGE), (0x00081155, "UI", uid("any", "source"))]
     series = [(0x0008114A, "SQ", [reference]), (0x0020000E, "UI", uid("any", "source series"))]
     return (
-        identity(name, manufacturer)
+        identity(name, number, manufacturer)
         + dimensions(name)
         + [
             (0x00081115, "SQ", [series]),
@@ -222,18 +226,19 @@ def content(name, spacing, manufacturer):
     )
 
 
-def file_bytes(name, spacing, manufacturer, transfer):
+def file_bytes(name, number=1, spacing=2.0, manufacturer="recipe", transfer=EXPLICIT):
+    """The whole file; edge of a voxel in mm."""
     meta = Writer(True).elements(
         [
             (0x00020001, "OB", b"\0\1"),
             (0x00020002, "UI", SEGMENTATION),
-            (0x00020003, "UI", uid(name, "instance")),
+            (0x00020003, "UI", instance_uid(name, number)),
             (0x00020010, "UI", transfer),
             (0x00020012, "UI", "2.25.1"),
         ]
     )
     length = Writer(True).element(0x00020000, "UL", [len(meta)])
-    body = Writer(transfer == EXPLICIT).elements(content(name, spacing, manufacturer))
+    body = Writer(transfer == EXPLICIT).elements(content(name, number, spacing, manufacturer))
     return bytes(128) + b"DICM" + length + meta + body
 
 
@@ -241,13 +246,14 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("name", help="letters and digits: patient, study and instance follow from it")
     parser.add_argument("out", help="the file to write")
+    parser.add_argument("--number", type=int, default=1, help="of the instance in its series")
     parser.add_argument("--spacing", type=float, default=2.0, help="edge of a voxel in mm; smaller takes longer (2)")
     parser.add_argument("--manufacturer", default="recipe")
     parser.add_argument("--implicit", action="store_true", help="implicit little endian in place of explicit")
     given = parser.parse_args()
     transfer = IMPLICIT if given.implicit else EXPLICIT
     with open(given.out, "wb") as file:
-        file.write(file_bytes(given.name, given.spacing, given.manufacturer, transfer))
+        file.write(file_bytes(given.name, given.number, given.spacing, given.manufacturer, transfer))
 
 
 if __name__ == "__main__":
