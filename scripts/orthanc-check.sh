@@ -49,7 +49,8 @@ if ! is_there; then
     install
     is_there || leave_out "apt-get cannot fetch Orthanc: $(tail -1 "$log")"
 fi
-unshare --map-root-user --net true 2>/dev/null || leave_out "this machine makes no network of its own (unshare --net)"
+unshare --net true 2>/dev/null || unshare --map-root-user --net true 2>/dev/null ||
+    leave_out "this machine makes no network of its own (unshare --net)"
 
 if [ -z "${MEDIALREP_PROGRAM:-}" ]; then
     cargo build --locked --release --quiet || exit 1

@@ -316,14 +316,18 @@ def run(recipe):
     return is_well
 
 
+def told_to_end(*_):
+    """By an exception, so that both sides are ended."""
+    sys.exit(f"orthanc: FAILED: {sys.argv[2]}: told to end before all was tried")
+
+
 def main():
     length, hook, folder = sys.argv[1], sys.argv[2], pathlib.Path(sys.argv[3])
     folder.mkdir(parents=True, exist_ok=True)
     os.environ.setdefault("ORTHANC_STABLE_AGE", "1")
     os.environ.setdefault("ORTHANC_HEART_BEAT", "3")
     recipe = Recipe(length, hook, folder)
-    # By an exception, so that both sides are ended.
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+    signal.signal(signal.SIGTERM, told_to_end)
     try:
         is_well = run(recipe)
     finally:

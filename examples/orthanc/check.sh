@@ -7,7 +7,8 @@ set -uo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 length=${1:-short}
 shift || true
-hooks=("${@:-lua stow python}")
+if [ $# = 0 ]; then set -- lua stow python; fi
+hooks=("$@")
 case $length in
 short) seconds=240 ;;
 long) seconds=3600 ;;
@@ -26,9 +27,10 @@ trap clean_up EXIT
 trap 'exit 1' INT TERM
 
 # Nothing of this is seen from outside, and no port is taken: a network that has its loopback alone.
-# shellcheck disable=SC2086
-for hook in ${hooks[*]}; do
-    timeout --kill-after=10 "$seconds" unshare --map-root-user --net \
+network=(unshare --net)
+"${network[@]}" true 2>/dev/null || network=(unshare --map-root-user --net)
+for hook in "${hooks[@]}"; do
+    timeout --kill-after=10 "$seconds" "${network[@]}" \
         sh -c 'ip link set lo up && exec python3 "$0" "$@"' "$here/check.py" "$length" "$hook" "$work/$hook" &
     checks+=($!)
 done

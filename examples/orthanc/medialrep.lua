@@ -32,7 +32,7 @@ end
 -- Section Medialrep of Orthanc's configuration, with the token.
 function medialrep.settings()
    if medialrep.known == nil then
-      local given = GetOrthancConfiguration()["Medialrep"]
+      local given = assert(GetOrthancConfiguration()["Medialrep"], "medialrep: the configuration has no section Medialrep")
       local file = assert(io.open(given["TokenFile"], "r"), "medialrep: the TokenFile cannot be read")
       medialrep.known = { url = given["Url"], deliverTo = given["DeliverTo"], days = given["Days"] or 7,
                           authorization = "Bearer " .. file:read("*l") }
@@ -100,9 +100,14 @@ local function sendInstance(instanceId)
       ["Idempotency-Key"] = "orthanc-" .. settings.deliverTo .. "-" .. md5
    })
    if answer ~= nil and answer ~= "" then
-      medialrep.say("instance " .. instanceId .. " is job " .. tostring(ParseJson(answer)["id"]))
+      local job = ParseJson(answer)
+      if type(job) ~= "table" or job["id"] == nil then
+         return "away"   -- somebody else answers, a proxy
+      end
+      medialrep.say("instance " .. instanceId .. " is job " .. job["id"])
       return "taken"
    end
+   -- Nothing at all: nobody is there. An empty answer: refused, and Orthanc does not say why.
    return (answer ~= nil and medialrep.isWell()) and "refused" or "away"
 end
 

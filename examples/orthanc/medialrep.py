@@ -249,8 +249,12 @@ def sweep(days):
 
 
 def run():
-    settings = json.loads(orthanc.GetConfiguration())["Medialrep"]
-    service = Service(settings)
+    try:
+        settings = json.loads(orthanc.GetConfiguration())["Medialrep"]
+        service = Service(settings)
+    except (KeyError, OSError, ValueError) as error:
+        orthanc.LogError(f"medialrep: section Medialrep of the configuration, or a file it names, is unusable: {error!r}")
+        return
     for _ in range(THREADS):
         threading.Thread(target=work, args=(service,), daemon=True).start()
     sweep(settings.get("Days", 7))
