@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Tries the recipe on this machine's Orthanc: the three hooks side by side, each with an Orthanc, a service and a network
-# of its own. A line per case; ends with 1 when a case failed. MEDIALREP names the program.
+# Tries the recipe on this machine's Orthanc: the three hooks side by side, each with an Orthanc, a service and a
+# network of its own. A line per case; ends with 1 when a case failed. MEDIALREP names the program.
 #
-# usage: check.sh [short|long] [lua|stow|python ...]     short takes about a minute, long about half an hour
+# usage: check.sh [short|long] [lua|stow|python ...]     short takes a minute or two, long twelve to thirty
 set -uo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 length=${1:-short}

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Writes a DICOM segmentation (BINARY, one segment: a bent plate) with nothing but Python's standard library.
 
-For trying the recipe without a patient. Equal arguments give equal bytes, another name another patient and study, another
-number another instance of the same series.
+For trying the recipe without a patient. Equal arguments give equal bytes, another name another patient and study,
+another number another instance of the same series.
 
 usage: make_seg.py NAME OUT.dcm [--number N] [--spacing MM] [--manufacturer NAME] [--implicit]
 """
@@ -22,7 +22,7 @@ LONG_KINDS = ("OB", "OW", "SQ", "UN", "UT")
 
 
 class Writer:
-    """Elements as bytes, little endian; the keyword arguments of the standard are too many to name, so tags are numbers."""
+    """Elements as bytes, little endian."""
 
     def __init__(self, explicit):
         self.explicit = explicit

@@ -32,7 +32,8 @@ end
 -- Section Medialrep of Orthanc's configuration, with the token.
 function medialrep.settings()
    if medialrep.known == nil then
-      local given = assert(GetOrthancConfiguration()["Medialrep"], "medialrep: the configuration has no section Medialrep")
+      local given = GetOrthancConfiguration()["Medialrep"]
+      assert(given, "medialrep: the configuration has no section Medialrep")
       local file = assert(io.open(given["TokenFile"], "r"), "medialrep: the TokenFile cannot be read")
       medialrep.known = { url = given["Url"], deliverTo = given["DeliverTo"], days = given["Days"] or 7,
                           authorization = "Bearer " .. file:read("*l") }
@@ -141,7 +142,8 @@ function medialrep.settle(series, refusals, outcome)
    if outcome == "refused" and refusals + 1 < REFUSALS then
       local wait = FIRST_WAIT * 2 ^ refusals
       table.insert(waiting, { id = series.id, due = os.time() + wait, refusals = refusals + 1 })
-      medialrep.say(string.format("series %s was refused, next try in %d s; the log of the service says why", series.id, wait))
+      medialrep.say(string.format("series %s was refused, next try in %d s; the log of the service says why",
+                                  series.id, wait))
    else
       mark(series, outcome)
    end

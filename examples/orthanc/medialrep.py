@@ -1,9 +1,9 @@
 """Orthanc hook for a medialrep that cannot reach Orthanc (a firewall that lets out and not in): every series of
 segmentations that has come to rest is sent, its job is waited for, and the results are stored in Orthanc.
 
-A series whose results are stored is marked (metadata "medialrep": what became of it, and the series' LastUpdate at that
-time). Everything else waits in memory and is tried again at growing distances; what a stopped Orthanc forgot is found by
-its missing mark at the next start. Sending twice gives the same job, and storing twice keeps one instance.
+A series whose results are stored is marked (metadata "medialrep": what became of it, and the series' LastUpdate at
+that time). Everything else waits in memory and is tried again at growing distances; what a stopped Orthanc forgot is
+found by its missing mark at the next start. Sending twice gives the same job, and storing twice keeps one instance.
 
 Nothing here logs what is in a file: the ids of Orthanc are hashes.
 """
@@ -253,7 +253,7 @@ def run():
         settings = json.loads(orthanc.GetConfiguration())["Medialrep"]
         service = Service(settings)
     except (KeyError, OSError, ValueError) as error:
-        orthanc.LogError(f"medialrep: section Medialrep of the configuration, or a file it names, is unusable: {error!r}")
+        orthanc.LogError(f"medialrep: section Medialrep of the configuration, or a file of it, is unusable: {error!r}")
         return
     for _ in range(THREADS):
         threading.Thread(target=work, args=(service,), daemon=True).start()
