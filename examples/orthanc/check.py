@@ -27,7 +27,7 @@ ALONE = {"SEG": 1}
 SLOW = 0.3
 # Seconds that something is away, and that its results may take afterwards: tries come at growing distances.
 AWAY = {"short": 6, "long": 75}
-PATIENCE = {"short": 60, "long": 300}
+PATIENCE = {"short": 90, "long": 300}
 # Seconds after which nothing more may come.
 REST = 4
 

@@ -10,7 +10,7 @@ shift || true
 if [ $# = 0 ]; then set -- lua stow python; fi
 hooks=("$@")
 case $length in
-short) seconds=240 ;;
+short) seconds=480 ;;
 long) seconds=3600 ;;
 *) echo "check.sh: short or long" >&2 && exit 2 ;;
 esac
