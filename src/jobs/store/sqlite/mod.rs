@@ -18,6 +18,8 @@ mod queue;
 
 mod retention;
 
+mod objects;
+
 mod callbacks;
 
 mod tokens;
@@ -177,6 +179,7 @@ fn migrator() -> Migrator {
         migration(7, "storage", include_str!("../../../../migrations/sqlite/0007_storage.sql")),
         migration(8, "audit", include_str!("../../../../migrations/sqlite/0008_audit.sql")),
         migration(9, "erased", include_str!("../../../../migrations/sqlite/0009_erased.sql")),
+        migration(11, "dicom_objects", include_str!("../../../../migrations/sqlite/0011_dicom_objects.sql")),
     ])
 }
 
