@@ -38,6 +38,8 @@ pub enum Action {
     Submit,
     /// A result was handed out.
     ReadResult,
+    /// DICOM results were searched.
+    Search,
     /// A job was to be stopped.
     Cancel,
     /// A job was to run again.

@@ -120,6 +120,10 @@ mod api_sources;
 
 mod api_stow;
 
+mod api_qido;
+
+mod api_wado;
+
 mod cli_operate;
 
 mod api_jobs;
