@@ -40,6 +40,8 @@ pub enum Action {
     ReadResult,
     /// Results were stored in an archive, or are no longer tried to be.
     Deliver,
+    /// DICOM results were searched.
+    Search,
     /// A job was to be stopped.
     Cancel,
     /// A job was to run again.

@@ -9,6 +9,16 @@ pub mod params_json;
 
 pub mod dicom_origin;
 
+pub mod dicom_object;
+
+/// Objects that this program wrote, element by element.
+pub mod dicom_elements {
+    pub use super::read::dicom::{
+        DataSet, Element, ElementValue, ElementsError, ElementsReader, MAX_SEQUENCE_BYTES, MAX_VALUE_BYTES, Tag,
+        WINDOW_BYTES,
+    };
+}
+
 pub mod artifacts;
 
 pub mod write;

@@ -6,7 +6,8 @@ use std::time::Duration;
 
 use axum::http::header::{
     ACCEPT, AUTHORIZATION, CACHE_CONTROL, CONTENT_DISPOSITION, CONTENT_RANGE, CONTENT_SECURITY_POLICY, CONTENT_TYPE,
-    ETAG, IF_NONE_MATCH, LINK, LOCATION, RANGE, REFERRER_POLICY, RETRY_AFTER, X_CONTENT_TYPE_OPTIONS, X_FRAME_OPTIONS,
+    ETAG, IF_NONE_MATCH, LINK, LOCATION, RANGE, REFERRER_POLICY, RETRY_AFTER, WARNING, X_CONTENT_TYPE_OPTIONS,
+    X_FRAME_OPTIONS,
 };
 use axum::http::{HeaderName, HeaderValue, Method};
 use axum::middleware::from_fn_with_state;
@@ -49,6 +50,18 @@ mod source;
 
 mod stow;
 
+mod dicom_path;
+
+mod accept;
+
+mod qido;
+
+mod related;
+
+mod wado;
+
+mod metadata;
+
 mod results;
 
 mod events;
@@ -78,7 +91,7 @@ const CORS_MAX_AGE: Duration = Duration::from_secs(600);
     ),
     tags(
         (name = "jobs", description = "Send a mask, watch its job, take its results."),
-        (name = "dicomweb", description = "Segmentations stored by an archive (STOW-RS)."),
+        (name = "dicomweb", description = "Segmentations stored by an archive (STOW-RS); results that it finds and fetches (QIDO-RS, WADO-RS)."),
         (name = "samples", description = "Masks to try the service on."),
         (name = "operation", description = "Whether the service works, and what it can do.")
     ),
@@ -144,7 +157,7 @@ fn cors(origins: &[String]) -> CorsLayer {
                 .collect::<Vec<_>>(),
         )
         .expose_headers(
-            [CONTENT_DISPOSITION, CONTENT_RANGE, ETAG, LINK, LOCATION, RETRY_AFTER]
+            [CONTENT_DISPOSITION, CONTENT_RANGE, ETAG, LINK, LOCATION, RETRY_AFTER, WARNING]
                 .into_iter()
                 .chain(seen)
                 .collect::<Vec<_>>(),
@@ -171,8 +184,19 @@ fn routes() -> OpenApiRouter<Arc<Jobs>> {
         .routes(routes!(jobs::retry))
         .routes(routes!(results::pick))
         .routes(routes!(results::result))
-        .routes(routes!(stow::store))
-        .routes(routes!(stow::store_in_study))
+        .routes(routes!(stow::store, qido::studies))
+        .routes(routes!(qido::series))
+        .routes(routes!(qido::instances))
+        .routes(routes!(stow::store_in_study, wado::retrieve_study))
+        .routes(routes!(metadata::study_metadata))
+        .routes(routes!(qido::series_of_study))
+        .routes(routes!(qido::instances_of_study))
+        .routes(routes!(wado::retrieve_series))
+        .routes(routes!(metadata::series_metadata))
+        .routes(routes!(qido::instances_of_series))
+        .routes(routes!(wado::retrieve_instance))
+        .routes(routes!(metadata::instance_metadata))
+        .routes(routes!(metadata::bulk_data))
         .routes(routes!(limits::limits))
         .routes(routes!(samples::samples))
         .routes(routes!(samples::sample))

@@ -31,6 +31,15 @@ medialrep: a label mask in, its medial sheet, surfaces and thickness vectors out
   DELETE /v1/jobs/{id}                 erase it, mask and results
   POST   /dicom-web/studies            segmentations from a PACS (STOW-RS), a job each
   POST   /dicom-web/studies/{study}    the same, of one study
+  GET    /dicom-web/studies            DICOM results for a PACS to find (QIDO-RS), by study,
+         /dicom-web/series             by series,
+         /dicom-web/instances          or each
+         /dicom-web/studies/{study}/instances
+  GET    /dicom-web/studies/{study}    and to fetch (WADO-RS), with attributes as JSON:
+         /dicom-web/studies/{study}/metadata
+         /dicom-web/studies/{study}/series/{series}/metadata
+         /dicom-web/studies/{study}/series/{series}/instances/{instance}/metadata
+         /dicom-web/studies/{study}/series/{series}/instances/{instance}/bulkdata/{tag}
   GET    /v1/samples                   masks to try it on
   GET    /v1/samples/{name}            one of them, gzip NIfTI
   GET    /v1/limits                    what is taken in, how long it is kept, and the parameters

@@ -152,7 +152,11 @@ async fn serve(jobs: &Jobs, published: &Published, headers: &HeaderMap) -> Resul
 }
 
 /// Bytes `first` to before `end`, once the whole file was found to be what was published.
-async fn checked_body(jobs: &Jobs, published: &Published, (first, end): (u64, u64)) -> Result<Body, ApiError> {
+pub(super) async fn checked_body(
+    jobs: &Jobs,
+    published: &Published,
+    (first, end): (u64, u64),
+) -> Result<Body, ApiError> {
     let Published { id, token, file } = published;
     match jobs.content(*id, token, file).await? {
         Content::Bytes(bytes, held) => {

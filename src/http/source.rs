@@ -98,12 +98,15 @@ async fn read_all(body: &mut BodyDataStream) -> Result<Vec<u8>, ApiError> {
 /// # Errors
 /// When it is none.
 pub fn uid(place: &str, text: &str) -> Result<Uid, ApiError> {
-    let problem = || {
-        Problem::new(422, "invalid_uid", "this is no unique identifier of DICOM")
-            .at(place)
-            .hint("a UID is numbers with dots between them, at most 64 characters: 1.2.840.113619.2.1")
-    };
-    Uid::parse(text).ok_or_else(|| problem().into())
+    Uid::parse(text).ok_or_else(|| invalid_uid(place))
+}
+
+/// What stands at `place` of a request is no UID.
+pub fn invalid_uid(place: &str) -> ApiError {
+    Problem::new(422, "invalid_uid", "this is no unique identifier of DICOM")
+        .at(place)
+        .hint("a UID is numbers with dots between them, at most 64 characters: 1.2.840.113619.2.1")
+        .into()
 }
 
 fn malformed(detail: String) -> ApiError {

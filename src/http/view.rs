@@ -276,6 +276,6 @@ impl From<Progress> for ProgressView {
 }
 
 fn result_view(job: &str, file: ResultFile) -> ResultView {
-    let ResultFile { name, media_type, bytes, sha256 } = file;
+    let ResultFile { name, media_type, bytes, sha256, dicom: _ } = file;
     ResultView { href: format!("{job}/results/{name}"), name, media_type, bytes, sha256 }
 }

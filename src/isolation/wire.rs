@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::formats::InputLimits;
 use crate::formats::artifacts::ARTIFACTS;
+use crate::formats::dicom_object::DicomObject;
 use crate::jobs::process::{Kept, ProcessError, READING, WRITING};
 use crate::jobs::processed::{Processed, RECORD, StructureSummary, WrittenFile};
 use crate::model::{Stage, Warning};
@@ -67,7 +68,7 @@ pub(super) enum Told {
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Outcome {
     Processed {
-        files: Vec<(String, u64, String)>,
+        files: Vec<File>,
         warnings: Vec<Warning>,
         stages: Vec<(Stage, f64)>,
         structures: Vec<StructureSummary>,
@@ -87,7 +88,7 @@ impl Outcome {
     pub fn of(result: Result<Processed, ProcessError>) -> Self {
         match result {
             Ok(Processed { files, warnings, stage_seconds, structures }) => {
-                let files = files.into_iter().map(|file| (file.name.to_owned(), file.bytes, file.sha256)).collect();
+                let files = files.into_iter().map(File::from).collect();
                 Self::Processed { files, warnings, stages: stage_seconds, structures }
             }
             Err(ProcessError::Problem(problem)) => Self::Problem(problem),
@@ -98,6 +99,21 @@ impl Outcome {
             // A child is told to stop by its clock alone.
             Err(ProcessError::Cancelled) => Self::OutOfTime,
         }
+    }
+}
+
+/// A file that was written. Its name leads to its media type.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct File {
+    name: String,
+    bytes: u64,
+    sha256: String,
+    dicom: Option<DicomObject>,
+}
+
+impl From<WrittenFile> for File {
+    fn from(file: WrittenFile) -> Self {
+        Self { name: file.name.to_owned(), bytes: file.bytes, sha256: file.sha256, dicom: file.dicom }
     }
 }
 
@@ -122,16 +138,16 @@ impl Doing {
 }
 
 /// Files under the names that the program has for them.
-pub(super) fn written(files: Vec<(String, u64, String)>) -> io::Result<Vec<WrittenFile>> {
+pub(super) fn written(files: Vec<File>) -> io::Result<Vec<WrittenFile>> {
     let mut known: Vec<(&str, &str)> = ARTIFACTS.iter().map(|artifact| (artifact.name, artifact.media_type)).collect();
     known.push(RECORD);
     let mut written = Vec::with_capacity(files.len());
-    for (name, bytes, sha256) in files {
+    for File { name, bytes, sha256, dicom } in files {
         let (name, media_type) = *known
             .iter()
             .find(|(known, _)| *known == name)
             .ok_or_else(|| io::Error::new(io::ErrorKind::InvalidData, "a file of an unknown name"))?;
-        written.push(WrittenFile { name, media_type, bytes, sha256 });
+        written.push(WrittenFile { name, media_type, bytes, sha256, dicom });
     }
     Ok(written)
 }

@@ -8,6 +8,7 @@ use sha2::{Digest, Sha256};
 
 use crate::cancel::{Cancel, Never};
 use crate::formats::artifacts::ARTIFACTS;
+use crate::formats::dicom_object::DicomObject;
 use crate::formats::hex;
 
 /// Name and media type of the record that further artifacts are made from. It is no artifact: nobody takes it away.
@@ -24,6 +25,8 @@ pub struct WrittenFile {
     pub bytes: u64,
     /// SHA-256 of the content, lower-case hex.
     pub sha256: String,
+    /// Which object it is, where it is DICOM.
+    pub dicom: Option<DicomObject>,
 }
 
 /// Files under temporary names until all are there; dropped before that, it removes them.
@@ -55,7 +58,7 @@ impl<'a> Drafts<'a> {
         write(&mut buffered)?;
         buffered.flush()?;
         drop(buffered);
-        Ok(WrittenFile { name, media_type, bytes: hashed.bytes, sha256: hex(&hashed.hash.finalize()) })
+        Ok(WrittenFile { name, media_type, bytes: hashed.bytes, sha256: hex(&hashed.hash.finalize()), dicom: None })
     }
 
     /// Gives the files their names.

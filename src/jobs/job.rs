@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
 use super::drafts::{RECORD, WrittenFile};
+use crate::formats::dicom_object::DicomObject;
 use crate::formats::params_json::{self, ParamsJsonError};
 use crate::params::CheckedParams;
 use crate::problem::Problem;
@@ -105,6 +106,9 @@ pub struct ResultFile {
     pub bytes: u64,
     /// SHA-256 of the content, lower-case hex.
     pub sha256: String,
+    /// Which object it is, where it is DICOM and made by a version that says so. Nobody is told but who searches for it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dicom: Option<DicomObject>,
 }
 
 impl From<&WrittenFile> for ResultFile {
@@ -114,6 +118,7 @@ impl From<&WrittenFile> for ResultFile {
             media_type: file.media_type.to_owned(),
             bytes: file.bytes,
             sha256: file.sha256.clone(),
+            dicom: file.dicom.clone(),
         }
     }
 }

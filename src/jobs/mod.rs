@@ -58,6 +58,8 @@ pub mod service;
 
 pub mod results;
 
+pub mod objects;
+
 mod upkeep;
 
 mod storage_health;

@@ -14,6 +14,7 @@ use super::processed::{Processed, StructureSummary};
 use crate::cancel::{Cancel, Cancelled};
 use crate::formats::artifacts::{ARTIFACTS, Artifact};
 use crate::formats::dicom_origin::DicomOrigin;
+use crate::formats::write::dicom::object_of;
 use crate::formats::write::record::Record;
 use crate::formats::write::thickness::{InputFacts, OuterTimings};
 use crate::formats::{self, ReadError};
@@ -180,7 +181,8 @@ fn asked(params: &CheckedParams) -> Vec<&'static Artifact> {
 }
 
 fn write(drafts: &Drafts<'_>, artifact: &Artifact, record: &Record) -> io::Result<WrittenFile> {
-    drafts.write((artifact.name, artifact.media_type), |out| (artifact.write)(record, out))
+    let file = drafts.write((artifact.name, artifact.media_type), |out| (artifact.write)(record, out))?;
+    Ok(WrittenFile { dicom: object_of(record, artifact.name), ..file })
 }
 
 fn processed(record: &Record, files: Vec<WrittenFile>) -> Processed {

@@ -62,6 +62,8 @@ pub struct Jobs {
     is_to_wipe: AtomicBool,
     /// Lists of each tenant.
     lists: InTurn,
+    /// Searches of each tenant.
+    searches: InTurn,
     closing: CancellationToken,
     audit: Arc<Audit>,
     metrics: Metrics,
@@ -98,6 +100,7 @@ impl Jobs {
             requests: Arc::default(),
             is_to_wipe: AtomicBool::new(true),
             lists: InTurn::default(),
+            searches: InTurn::default(),
             closing: CancellationToken::new(),
             audit: Arc::new(audit),
             metrics: Metrics::new(),
@@ -467,6 +470,10 @@ impl Jobs {
     /// What runs in this process.
     pub(super) fn running(&self) -> &RunningJobs {
         &self.running
+    }
+
+    pub(super) fn searches(&self) -> &InTurn {
+        &self.searches
     }
 
     pub(super) fn making(&self) -> Arc<Mutex<()>> {

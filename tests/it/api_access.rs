@@ -136,6 +136,40 @@ async fn an_archive_stores_with_the_scope_to_write_only() {
     }
 }
 
+/// Routes that results are found and fetched by.
+const RETRIEVALS: [&str; 13] = [
+    "/dicom-web/studies",
+    "/dicom-web/series",
+    "/dicom-web/instances",
+    "/dicom-web/studies/1.2.3",
+    "/dicom-web/studies/1.2.3/metadata",
+    "/dicom-web/studies/1.2.3/series",
+    "/dicom-web/studies/1.2.3/instances",
+    "/dicom-web/studies/1.2.3/series/1.2.4",
+    "/dicom-web/studies/1.2.3/series/1.2.4/metadata",
+    "/dicom-web/studies/1.2.3/series/1.2.4/instances",
+    "/dicom-web/studies/1.2.3/series/1.2.4/instances/1.2.5",
+    "/dicom-web/studies/1.2.3/series/1.2.4/instances/1.2.5/metadata",
+    "/dicom-web/studies/1.2.3/series/1.2.4/instances/1.2.5/bulkdata/7FE00010",
+];
+
+#[tokio::test]
+async fn results_are_searched_and_fetched_with_the_scope_to_read_only() {
+    let server = Server::without_workers().await;
+    let reader = token(&server, "t", &[Scope::Read]).await;
+    let writer = token(&server, "t", &[Scope::Write]).await;
+    let watcher = token(&server, "t", &[Scope::Metrics]).await;
+    for path in RETRIEVALS {
+        server.get(path).await.is_problem(401, "token_missing");
+        call(&server, "Bearer x", Method::GET, path).await.is_problem(401, "token_invalid");
+        for token in [&writer, &watcher] {
+            call(&server, token, Method::GET, path).await.is_problem(403, "scope_missing");
+        }
+        let answer = call(&server, &reader, Method::GET, path).await;
+        assert!([200, 404].contains(&answer.status.as_u16()), "{path}: {}", answer.text());
+    }
+}
+
 #[tokio::test]
 async fn tenants_that_store_the_same_instance_have_a_job_each() {
     let mut limits = crate::help::support::limits();

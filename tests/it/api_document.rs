@@ -39,7 +39,7 @@ fn operations() -> Vec<(Method, String)> {
 async fn every_route_in_the_document_is_served() {
     let server = Server::without_workers().await;
     let operations = operations();
-    assert_eq!(operations.len(), 20, "{operations:?}");
+    assert_eq!(operations.len(), 33, "{operations:?}");
     for (method, path) in operations {
         let answer = server.call(method.clone(), &path.replace("{id}", "1").replace("{name}", "x")).await;
         let media_type = answer.headers.get("content-type").map_or("", |value| value.to_str().unwrap());

@@ -14,7 +14,7 @@ use tempfile::TempDir;
 
 fn described(name: &str, content: &[u8]) -> ResultFile {
     let sha256 = Sha256::digest(content).iter().map(|byte| format!("{byte:02x}")).collect();
-    ResultFile { name: name.to_owned(), media_type: "a/b".to_owned(), bytes: content.len() as u64, sha256 }
+    ResultFile { name: name.to_owned(), media_type: "a/b".to_owned(), bytes: content.len() as u64, sha256, dicom: None }
 }
 
 /// In this machine's folder, and where there are no local files.

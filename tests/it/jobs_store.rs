@@ -78,7 +78,7 @@ async fn state(store: &dyn Store, id: JobId) -> JobState {
 }
 
 fn succeeded() -> Outcome {
-    let file = ResultFile { name: "a".into(), media_type: "b/c".into(), bytes: 1, sha256: "d".into() };
+    let file = ResultFile { name: "a".into(), media_type: "b/c".into(), bytes: 1, sha256: "d".into(), dicom: None };
     let warnings = vec![JobWarning { code: "e".into(), message: "f".into() }];
     Outcome::Succeeded { results: vec![file], warnings, program: "1".into() }
 }
@@ -404,8 +404,13 @@ async fn a_result_is_added_once_and_only_while_results_are_kept() {
     let (_dir, store) = store().await;
     let id = insert(&*store).await;
     let lease = claim(&*store).await.expect("it waits");
-    let file =
-        ResultFile { name: "more".to_owned(), media_type: "text/csv".to_owned(), bytes: 3, sha256: "cd".repeat(32) };
+    let file = ResultFile {
+        name: "more".to_owned(),
+        media_type: "text/csv".to_owned(),
+        bytes: 3,
+        sha256: "cd".repeat(32),
+        dicom: None,
+    };
     assert!(!store.add_result(id, &lease.token, &file).await.unwrap(), "it runs");
     store.finish(&lease, &succeeded(), Timestamp::now()).await.unwrap();
     let before = get(&*store, id).await.results.len();

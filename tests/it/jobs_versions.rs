@@ -91,7 +91,7 @@ async fn write(pool: &SqlitePool, step: i64, job: &Kept) {
     match step {
         1 => {}
         2 => write_second(pool, job).await,
-        3..=10 => {
+        3..=11 => {
             write_second(pool, job).await;
             write_third(pool, job).await;
         }
@@ -286,6 +286,8 @@ async fn commands_that_only_read_tell_an_older_database_and_leave_it_as_it_is() 
     let dir = TempDir::new().unwrap();
     let mut steps = steps();
     let known = steps.pop().unwrap().0;
+    // Numbers may be left out.
+    let found = steps.last().unwrap().0;
     database(dir.path(), &steps).await.close().await;
     let file = dir.path().join("db/jobs.sqlite");
     let before = std::fs::read(&file).unwrap();
@@ -296,7 +298,7 @@ async fn commands_that_only_read_tell_an_older_database_and_leave_it_as_it_is() 
         let told = String::from_utf8_lossy(&told);
         assert_eq!(output.status.code(), Some(1), "{told}");
         assert!(told.contains("an earlier version of this program"), "{command:?}: {told}");
-        assert!(told.contains(&format!("at step {}, this version has {known}", known - 1)), "{command:?}: {told}");
+        assert!(told.contains(&format!("at step {found}, this version has {known}")), "{command:?}: {told}");
         assert_eq!(std::fs::read(&file).unwrap(), before, "{command:?}");
     }
 }

@@ -122,6 +122,10 @@ mod api_stow;
 
 mod api_deliver;
 
+mod api_qido;
+
+mod api_wado;
+
 mod cli_operate;
 
 mod api_jobs;

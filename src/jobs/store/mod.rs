@@ -22,6 +22,7 @@ use jiff::{SignedDuration, Timestamp};
 use uuid::Uuid;
 
 use crate::audit::Mark;
+use crate::formats::dicom_object::DicomObject;
 use crate::jobs::job::{Job, JobId, JobState, JobWarning, MaskInfo, ResultFile, SendTry};
 use crate::jobs::moves::Cause;
 use crate::jobs::token::StoredToken;
@@ -369,6 +370,44 @@ pub struct ListQuery {
     pub limit: u32,
 }
 
+/// Which DICOM objects to find among the results that are kept, newest job first.
+#[derive(Clone, Debug, Default)]
+pub struct ObjectQuery {
+    /// Only those of this tenant.
+    pub owner: String,
+    /// Only these.
+    pub by: ObjectsBy,
+    /// At most this many.
+    pub limit: u32,
+}
+
+/// DICOM objects by one identifier.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum ObjectsBy {
+    /// Whatever they are called.
+    #[default]
+    Any,
+    /// Of this study.
+    Study(String),
+    /// Of this series.
+    Series(String),
+    /// This one, of as many jobs as have it.
+    Instance(String),
+}
+
+/// A result that is a DICOM object.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct KeptObject {
+    /// Its job.
+    pub id: JobId,
+    /// The attempt that made it.
+    pub token: String,
+    /// Its file.
+    pub file: ResultFile,
+    /// Which object it is.
+    pub object: DicomObject,
+}
+
 /// What of a job's files may not be swept.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct KeptFiles {
@@ -511,6 +550,13 @@ pub trait RetentionStore: Send + Sync {
     async fn kept_files(&self) -> Result<Vec<KeptFiles>, StoreError>;
 }
 
+/// Results that are DICOM objects. Erased results, and those of jobs that are gone, are not found.
+#[async_trait]
+pub trait ObjectStore: Send + Sync {
+    /// Some objects, newest job first. One that several jobs have comes once for each.
+    async fn find_objects(&self, query: &ObjectQuery) -> Result<Vec<KeptObject>, StoreError>;
+}
+
 /// Webhooks under way.
 #[async_trait]
 pub trait CallbackStore: Send + Sync {
@@ -573,7 +619,9 @@ pub trait TokenStore: Send + Sync {
 
 /// Keeps jobs and tokens. Every call is atomic, and durable when it returns.
 #[async_trait]
-pub trait Store: JobStore + QueueStore + RetentionStore + CallbackStore + DeliveryStore + TokenStore {
+pub trait Store:
+    JobStore + QueueStore + RetentionStore + ObjectStore + CallbackStore + DeliveryStore + TokenStore
+{
     /// Fails unless the store can be written to.
     async fn check_writable(&self) -> Result<(), StoreError>;
 

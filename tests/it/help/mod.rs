@@ -20,6 +20,8 @@ pub mod models;
 
 pub mod support;
 
+pub mod published;
+
 pub mod pacs;
 
 pub mod reading;

@@ -272,7 +272,7 @@ pub fn writes_these(artifacts: &'static [(&'static str, &'static str)]) -> Proce
             let content = content(name);
             std::fs::write(out.join(name), &content).unwrap();
             let sha256 = Sha256::digest(&content).iter().map(|byte| format!("{byte:02x}")).collect();
-            WrittenFile { name, media_type, bytes: content.len() as u64, sha256 }
+            WrittenFile { name, media_type, bytes: content.len() as u64, sha256, dicom: None }
         });
         let warning = Warning { code: "thin".into(), message: "a place is thin".to_owned() };
         Ok(Processed {

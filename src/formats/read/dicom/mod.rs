@@ -34,6 +34,8 @@ mod uid;
 
 mod identity;
 
+mod elements;
+
 use self::frames::{Frames, Painter, begins_at_bytes};
 use self::geometry::SLICES;
 use self::layers::Layers;
@@ -46,8 +48,12 @@ use super::error::ReadError;
 use super::stream::Stream;
 use crate::space::LabelVolume;
 
+pub use self::elements::{
+    DataSet, Element, ElementValue, ElementsError, ElementsReader, MAX_SEQUENCE_BYTES, MAX_VALUE_BYTES, WINDOW_BYTES,
+};
 pub use self::error::{DicomError, DicomFault};
 pub use self::identity::{IDENTITY_BYTES, Identity};
+pub use self::tag::Tag;
 pub use self::uid::Uid;
 
 /// Bytes that [`sniff`] needs to see.

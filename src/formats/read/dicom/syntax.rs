@@ -105,7 +105,7 @@ impl Syntax {
 }
 
 /// Kinds of values whose length has two bytes; those to come will have four.
-fn has_short_length(kind: [u8; 2]) -> bool {
+pub(super) fn has_short_length(kind: [u8; 2]) -> bool {
     const SHORT: [&[u8; 2]; 21] = [
         b"AE", b"AS", b"AT", b"CS", b"DA", b"DS", b"DT", b"FD", b"FL", b"IS", b"LO", b"LT", b"PN", b"SH", b"SL", b"SS",
         b"ST", b"TM", b"UI", b"UL", b"US",

@@ -12,14 +12,14 @@ use crate::formats::dicom_origin::{
 use crate::formats::write::record::Record;
 use crate::formats::write::{picture, stl};
 
-const PDF: Kind = Kind {
+pub(super) const PDF: Kind = Kind {
     class: "1.2.840.10008.5.1.4.1.1.104.1",
     modality: "DOC",
     series: 9003,
     description: "medialrep report, not for diagnosis",
     artifact: "report.pdf.dcm",
 };
-const STL: Kind = Kind {
+pub(super) const STL: Kind = Kind {
     class: "1.2.840.10008.5.1.4.1.1.104.3",
     modality: "M3D",
     series: 9004,

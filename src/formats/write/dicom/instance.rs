@@ -2,6 +2,7 @@
 
 use super::dataset::{Dataset, Text};
 use super::uid;
+use crate::formats::dicom_object::DicomObject;
 use crate::formats::dicom_origin::{COPIED, DicomOrigin, SPECIFIC_CHARACTER_SET, STUDY_INSTANCE_UID, Tag};
 use crate::formats::write::dates::Utc;
 use crate::formats::write::record::Record;
@@ -24,13 +25,23 @@ pub(super) struct Kind {
 /// An object on its way.
 pub(super) struct Instance {
     pub dataset: Dataset,
-    class: &'static str,
-    uid: String,
+    object: DicomObject,
     /// Whether texts may have any letters.
     is_unicode: bool,
 }
 
 const UNICODE: &str = "ISO_IR 192";
+
+/// Which object of this kind is made of a record.
+pub(super) fn object(record: &Record, kind: Kind) -> DicomObject {
+    let study = record.dicom.as_ref().and_then(|origin| origin.uid(STUDY_INSTANCE_UID));
+    DicomObject {
+        class: kind.class.to_owned(),
+        study: study.map_or_else(|| uid::of_mask(record, "study"), str::to_owned),
+        series: uid::of(record, &format!("series of {}", kind.artifact)),
+        instance: uid::of(record, kind.artifact),
+    }
+}
 
 /// Whether text means the same in every character set: after an escape, bytes of ASCII are letters of another one (ISO 2022).
 fn is_the_same_everywhere(text: &[u8]) -> bool {
@@ -45,8 +56,7 @@ impl Instance {
         let origin = record.dicom.as_ref().unwrap_or(&nothing);
         let is_plain = COPIED.iter().all(|(tag, _)| is_the_same_everywhere(origin.bytes(*tag)));
         let is_unicode = is_plain || origin.bytes(SPECIFIC_CHARACTER_SET).trim_ascii_end() == UNICODE.as_bytes();
-        let uid = uid::of(record, kind.artifact);
-        let mut own = Self { dataset: Dataset::default(), class: kind.class, uid, is_unicode };
+        let mut own = Self { dataset: Dataset::default(), object: object(record, kind), is_unicode };
         own.add_patient_and_study(record, origin);
         own.add_series(record, kind);
         own.add_equipment();
@@ -67,7 +77,7 @@ impl Instance {
             }
         }
         if origin.uid(STUDY_INSTANCE_UID).is_none() {
-            set.text(STUDY_INSTANCE_UID, Text::Ui, &uid::of_mask(record, "study"));
+            set.text(STUDY_INSTANCE_UID, Text::Ui, &self.object.study);
         }
         if record.dicom.is_none() {
             // Said of all times of an object: those of another's study may be of another zone.
@@ -79,8 +89,8 @@ impl Instance {
         // A record of before times were kept tells the first second that there is.
         let ended = Utc::of(record.ended_unix_s.unwrap_or(0));
         let set = &mut self.dataset;
-        set.text((0x0008, 0x0016), Text::Ui, kind.class);
-        set.text((0x0008, 0x0018), Text::Ui, &self.uid);
+        set.text((0x0008, 0x0016), Text::Ui, &self.object.class);
+        set.text((0x0008, 0x0018), Text::Ui, &self.object.instance);
         for tag in [(0x0008, 0x0012), (0x0008, 0x0021), (0x0008, 0x0023)] {
             set.text(tag, Text::Da, &ended.date());
         }
@@ -89,7 +99,7 @@ impl Instance {
         }
         set.text((0x0008, 0x0060), Text::Cs, kind.modality);
         set.text((0x0008, 0x103e), Text::Lo, kind.description);
-        set.text((0x0020, 0x000e), Text::Ui, &uid::of(record, &format!("series of {}", kind.artifact)));
+        set.text((0x0020, 0x000e), Text::Ui, &self.object.series);
         set.text((0x0020, 0x0011), Text::Is, &kind.series.to_string());
         set.text((0x0020, 0x0013), Text::Is, "1");
     }
@@ -110,6 +120,6 @@ impl Instance {
 
     /// The file.
     pub fn file(&self) -> Vec<u8> {
-        self.dataset.file((self.class, &self.uid))
+        self.dataset.file((&self.object.class, &self.object.instance))
     }
 }

@@ -11,7 +11,7 @@ use crate::formats::write::record::Record;
 use crate::model::{Structure, Verdict};
 use crate::space::LabelCode;
 
-const KIND: Kind = Kind {
+pub(super) const KIND: Kind = Kind {
     class: "1.2.840.10008.5.1.4.1.1.88.34",
     modality: "SR",
     series: 9001,

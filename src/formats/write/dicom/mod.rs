@@ -20,10 +20,21 @@ mod measurements;
 use std::io::{self, Write};
 
 use super::record::Record;
-use instance::Instance;
+use crate::formats::dicom_object::DicomObject;
+use instance::{Instance, Kind};
 
 #[allow(unused_imports, reason = "named in the text above")]
 use crate::formats::dicom_origin::DicomOrigin;
+
+/// The kinds of object that are made.
+const KINDS: [Kind; 4] = [picture::KIND, document::PDF, document::STL, measurements::KIND];
+
+/// Which object the artifact of this name is; `None` where it is no DICOM.
+#[must_use]
+pub fn object_of(record: &Record, artifact: &str) -> Option<DicomObject> {
+    let kind = KINDS.into_iter().find(|kind| kind.artifact == artifact)?;
+    Some(instance::object(record, kind))
+}
 
 /// Writes `picture.dcm`, a Secondary Capture.
 ///

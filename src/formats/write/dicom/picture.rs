@@ -7,7 +7,7 @@ use super::instance::{Instance, Kind};
 use crate::formats::write::record::Record;
 use crate::formats::write::report;
 
-const KIND: Kind = Kind {
+pub(super) const KIND: Kind = Kind {
     class: "1.2.840.10008.5.1.4.1.1.7",
     modality: "OT",
     series: 9002,

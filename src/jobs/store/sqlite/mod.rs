@@ -18,6 +18,8 @@ mod queue;
 
 mod retention;
 
+mod objects;
+
 mod callbacks;
 
 mod deliveries;
@@ -180,6 +182,7 @@ fn migrator() -> Migrator {
         migration(8, "audit", include_str!("../../../../migrations/sqlite/0008_audit.sql")),
         migration(9, "erased", include_str!("../../../../migrations/sqlite/0009_erased.sql")),
         migration(10, "deliveries", include_str!("../../../../migrations/sqlite/0010_deliveries.sql")),
+        migration(11, "dicom_objects", include_str!("../../../../migrations/sqlite/0011_dicom_objects.sql")),
     ])
 }
 

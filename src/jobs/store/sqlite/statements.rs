@@ -60,6 +60,12 @@ pub(super) fn list(has_label: bool, has_state: bool) -> String {
     format!("SELECT * FROM jobs WHERE owner = $1 AND id < $3 {state} ORDER BY id DESC LIMIT $6")
 }
 
+/// A tenant's DICOM objects, newest job first: of `$1`, whose identifier in `column` is `$2`, `$3` at the most.
+pub(super) fn objects(column: Option<&'static str>) -> String {
+    let only = column.map(|column| format!("AND {column} = $2")).unwrap_or_default();
+    format!("SELECT * FROM dicom_objects WHERE owner = $1 {only} ORDER BY job_id DESC, name DESC LIMIT $3")
+}
+
 #[cfg(test)]
 mod tests {
     use sqlx::{AssertSqlSafe, Row};
@@ -82,6 +88,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let store = SqliteStore::open(&folder.path().join("jobs.sqlite"), true).await.unwrap();
         let lists = [(false, false), (false, true), (true, false), (true, true)].map(|(l, s)| list(l, s));
+        let objects = [None, Some("study"), Some("series"), Some("instance")].map(objects);
         let fixed = [
             (FIRST, "jobs_by_turn"),
             (LOAD, "jobs_by_load"),
@@ -99,6 +106,10 @@ mod tests {
             (&*lists[1], "jobs_by_owner_and_state"),
             (&*lists[2], "PRIMARY KEY"),
             (&*lists[3], "jobs_by_label_and_state"),
+            (&*objects[0], "dicom_objects_by_owner"),
+            (&*objects[1], "dicom_objects_by_study"),
+            (&*objects[2], "dicom_objects_by_series"),
+            (&*objects[3], "dicom_objects_by_instance"),
         ];
         for (statement, index) in fixed {
             let plan = plan(&store, statement).await;
