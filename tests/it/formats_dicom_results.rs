@@ -86,6 +86,9 @@ fn patient_and_study_are_those_of_the_segmentation_byte_for_byte() {
     let (_, stl) = read(&written("surfaces.stl.dcm", &of_dicom()));
     assert_eq!(text(&stl, 0x0020_0052), "1.2.3.4");
     assert_eq!(text(&sequence(&stl, 0x0042_0013)[0], 0x0008_1155), "1.2.3.1");
+    let series = &sequence(&stl, 0x0008_1115)[0];
+    assert_eq!(text(series, 0x0020_000e), "1.2.3.3");
+    assert_eq!(text(&sequence(series, 0x0008_114a)[0], 0x0008_1155), "1.2.3.1");
 }
 
 #[test]
