@@ -193,7 +193,7 @@ async fn store_one(
         let left = deadline.saturating_duration_since(Instant::now());
         let limits = UploadLimits { total: left, ..jobs.limits().upload };
         match upload::receive((jobs.blobs(), jobs.limits().min_free_bytes), limits, part).await {
-            Ok(received) => submit(jobs, caller, study, &instance, received).await,
+            Ok(received) => submit(jobs, caller, study, received).await,
             Err(error @ (UploadError::Interrupted | UploadError::TooSlow)) => return Err(error.into()),
             Err(error) => Err(failure(error.into())),
         }
@@ -203,15 +203,10 @@ async fn store_one(
     Ok(Stored { reference: Some((class, instance)), outcome })
 }
 
-async fn submit(
-    jobs: &Jobs,
-    caller: &Caller,
-    study: Option<&Uid>,
-    instance: &Uid,
-    upload: Received,
-) -> Result<JobId, Failure> {
-    // An archive that does not know whether its request arrived sends it again.
-    let key = format!("stow {instance} {}", upload.mask.sha256);
+async fn submit(jobs: &Jobs, caller: &Caller, study: Option<&Uid>, upload: Received) -> Result<JobId, Failure> {
+    // An archive that does not know whether its request arrived sends it again. The key is kept with the job: the hash
+    // tells the instance apart without its UID, which leads to a patient.
+    let key = format!("stow {}", upload.mask.sha256);
     if let Err(failure) = check(jobs, caller, study, &key, &upload).await {
         upload.forget().await;
         return Err(failure);
