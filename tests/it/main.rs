@@ -122,6 +122,8 @@ mod api_stow;
 
 mod cli_operate;
 
+mod patient_text;
+
 mod api_jobs;
 
 mod api_results;
