@@ -36,8 +36,8 @@ paper:
 	@cargo run --quiet --locked --release --no-default-features --example paper
 	@$(if $(MASKS),cargo run --quiet --locked --release --no-default-features --example paper -- --masks "$(MASKS)")
 
-# Fuzzes the readers of files, parameters and forms, FUZZ_SECONDS each (1800), and keeps what was found
-# in fuzz/corpus, which `make test` replays; needs a C++ compiler.
+# Fuzzes the readers of files, parameters, forms and DICOMweb bodies, FUZZ_SECONDS each (1800), and keeps what was
+# found in fuzz/corpus, which `make test` replays; needs a C++ compiler.
 fuzz:
 	@scripts/fuzz.sh
 

@@ -254,3 +254,34 @@ fn form(parts: &[(&str, &str, &[u8])]) -> Vec<u8> {
     body.extend(b"--X--\r\n");
     body
 }
+
+/// Content types, a line break, and bodies of DICOMweb, good and nearly so.
+pub fn related() -> Vec<Vec<u8>> {
+    let instance = Seg::small().dicom().bytes();
+    let plain = br#"multipart/related; type="application/dicom"; boundary=X"#;
+    let quoted = br#"Multipart/Related;boundary="a b;c";type=application/dicom;transfer-syntax=*"#;
+    let dicom = "Content-Type: application/dicom\r\n";
+    vec![
+        related_body(plain, "X", &[(dicom, &instance)]),
+        related_body(plain, "X", &[(dicom, b"one"), ("", b""), ("Content-Location: /a\r\n b\r\n", b"\r\n--Y\r\n--X")]),
+        related_body(quoted, "a b;c", &[("Content-Transfer-Encoding: binary\r\n", b"\r\n\r\n--a b;c-\r")]),
+        related_body(plain, "X", &[("Content-Transfer-Encoding: base64\r\n", b"b25l")]),
+        related_body(plain, "X", &[("no field\r\n", b"one")]),
+        related_body(plain, "X", &[("", b"one"), ("", b"two"), ("", b"three"), ("", b"four"), ("", b"five")]),
+        related_body(plain, "Y", &[(dicom, b"one")]),
+        related_body(b"multipart/mixed; boundary=X", "X", &[(dicom, b"one")]),
+        [plain, &b"\nbefore\r\n--X \t\r\n\r\ndata\r\n--X--behind"[..]].concat(),
+        [plain, &b"\n--X--"[..]].concat(),
+    ]
+}
+
+fn related_body(content_type: &[u8], boundary: &str, parts: &[(&str, &[u8])]) -> Vec<u8> {
+    let mut body = [content_type, b"\n"].concat();
+    for (head, data) in parts {
+        body.extend(format!("--{boundary}\r\n{head}\r\n").into_bytes());
+        body.extend(*data);
+        body.extend(b"\r\n");
+    }
+    body.extend(format!("--{boundary}--\r\n").into_bytes());
+    body
+}

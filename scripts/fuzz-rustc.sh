@@ -7,7 +7,7 @@ shopt -s extglob
 rustc=$1
 shift
 case " $* " in
-*" --crate-name "@(medialrep|nifti|dicom|nrrd|metaimage|params|multipart|multer|httparse|serde_json|quick_xml|flate2|miniz_oxide)" "*" --target "*)
+*" --crate-name "@(medialrep|nifti|dicom|nrrd|metaimage|params|multipart|related|multer|httparse|serde_json|quick_xml|flate2|miniz_oxide)" "*" --target "*)
     set -- "$@" --cfg fuzzing -Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \
         -Cllvm-args=-sanitizer-coverage-inline-8bit-counters -Cllvm-args=-sanitizer-coverage-pc-table \
         -Cllvm-args=-sanitizer-coverage-trace-compares

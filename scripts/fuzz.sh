@@ -36,6 +36,6 @@ run() {
 
 RUSTC_WRAPPER=$PWD/scripts/fuzz-rustc.sh \
     cargo build --release --locked --manifest-path fuzz/Cargo.toml --target "$host" --target-dir "$build"
-for target in "${@:-nifti dicom nrrd metaimage params multipart}"; do
+for target in "${@:-nifti dicom nrrd metaimage params multipart related}"; do
     for one in $target; do run "$one"; done
 done

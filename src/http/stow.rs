@@ -236,7 +236,7 @@ async fn store_one(errand: &Errand<'_>, (mut part, deadline): (Part<'_, Chunks>,
         let left = deadline.saturating_duration_since(Instant::now());
         let limits = UploadLimits { total: left, ..jobs.limits().upload };
         match upload::receive((jobs.blobs(), jobs.limits().min_free_bytes), limits, part).await {
-            Ok(received) => submit(errand, &instance, received).await,
+            Ok(received) => submit(errand, received).await,
             Err(error @ (UploadError::Interrupted | UploadError::TooSlow)) => return Err(error.into()),
             Err(error) => Err(failure(error.into())),
         }
@@ -246,9 +246,10 @@ async fn store_one(errand: &Errand<'_>, (mut part, deadline): (Part<'_, Chunks>,
     Ok(Stored { reference: Some((class, instance)), outcome })
 }
 
-async fn submit(errand: &Errand<'_>, instance: &Uid, upload: Received) -> Result<JobId, Failure> {
-    // An archive that does not know whether its request arrived sends it again.
-    let mut key = format!("stow {instance} {}", upload.mask.sha256);
+async fn submit(errand: &Errand<'_>, upload: Received) -> Result<JobId, Failure> {
+    // An archive that does not know whether its request arrived sends it again. The key is kept with the job: the hash
+    // tells the instance apart without its UID, which leads to a patient.
+    let mut key = format!("stow {}", upload.mask.sha256);
     if let Some(name) = &errand.deliver_to {
         key.push_str(&format!(" {name}"));
     }

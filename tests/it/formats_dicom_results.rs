@@ -86,6 +86,9 @@ fn patient_and_study_are_those_of_the_segmentation_byte_for_byte() {
     let (_, stl) = read(&written("surfaces.stl.dcm", &of_dicom()));
     assert_eq!(text(&stl, 0x0020_0052), "1.2.3.4");
     assert_eq!(text(&sequence(&stl, 0x0042_0013)[0], 0x0008_1155), "1.2.3.1");
+    let series = &sequence(&stl, 0x0008_1115)[0];
+    assert_eq!(text(series, 0x0020_000e), "1.2.3.3");
+    assert_eq!(text(&sequence(series, 0x0008_114a)[0], 0x0008_1155), "1.2.3.1");
 }
 
 #[test]
@@ -196,6 +199,22 @@ fn a_group_refers_to_its_segment_and_the_series_that_was_segmented() {
     let study = &sequence(&set, 0x0040_a375)[0];
     assert_eq!(text(study, 0x0020_000d), "1.2.3.2");
     assert_eq!(text(&sequence(study, 0x0008_1115)[0], 0x0020_000e), "1.2.3.3");
+}
+
+#[test]
+fn a_group_of_a_label_map_tells_its_label_and_refers_to_no_segment() {
+    let mut record = of_dicom();
+    let mut origin = record.dicom.take().unwrap();
+    origin.keep((0x0008, 0x0016), b"1.2.840.10008.5.1.4.1.1.66.7");
+    let record = Record { dicom: Some(origin), ..record };
+    let (_, set) = read(&written("report.sr.dcm", &record));
+    let group = &groups(&set)[0];
+    assert_eq!(template(group), "1501", "readers of before label maps refuse a report that refers to a segment of one");
+    let content = sequence(group, 0x0040_a730);
+    let label = content.iter().find(|item| code(item, 0x0040_a043) == "LABEL").unwrap();
+    assert_eq!(text(label, 0x0040_a160), record.model.structures[0].label.to_string());
+    assert!(content.iter().all(|item| text(item, 0x0040_a040) != "IMAGE"));
+    assert_eq!(sequence(&set, 0x0040_a375).len(), 1, "the mask is still named as what was measured");
 }
 
 #[test]

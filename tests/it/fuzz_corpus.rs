@@ -10,6 +10,8 @@ mod mask;
 mod multipart;
 #[path = "../../fuzz/bodies/params.rs"]
 mod params;
+#[path = "../../fuzz/bodies/related.rs"]
+mod related;
 #[allow(dead_code, reason = "the targets write them to a folder")]
 #[path = "../../fuzz/seeds.rs"]
 mod seeds;
@@ -56,4 +58,9 @@ fn a_seed_of_every_parameter_in_every_form_is_accepted() {
 fn every_fuzzed_input_is_answered_as_a_form() {
     let forms = multipart::Forms::open();
     replay("multipart", |bytes| forms.check(bytes));
+}
+
+#[test]
+fn every_fuzzed_input_is_answered_as_a_body_of_dicomweb() {
+    replay("related", related::check);
 }

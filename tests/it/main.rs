@@ -128,6 +128,8 @@ mod api_wado;
 
 mod cli_operate;
 
+mod patient_text;
+
 mod api_jobs;
 
 mod api_results;

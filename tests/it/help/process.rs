@@ -108,6 +108,11 @@ impl Service {
         self.try_call(head, body).expect("the service answers")
     }
 
+    /// With other headers, each with its end of line.
+    pub fn call_with(&self, head: &str, fields: &str, body: &[u8]) -> (String, String) {
+        self.try_call_with(head, fields, body).expect("the service answers")
+    }
+
     pub fn json(&self, head: &str) -> Value {
         let (_, body) = self.call(head, b"");
         serde_json::from_str(&body).unwrap_or_else(|_| panic!("{head}: {body}"))

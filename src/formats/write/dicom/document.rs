@@ -69,10 +69,21 @@ pub(super) fn stl(record: &Record) -> io::Result<Instance> {
     Ok(instance)
 }
 
-/// The object that the surfaces were made from.
+/// The object that the surfaces were made from, and where it is filed: an object may name no other whose study and series
+/// it does not tell (Common Instance Reference, PS3.3 section C.12.2).
 fn add_source(set: &mut Dataset, origin: &DicomOrigin) {
-    let Some(reference) = reference(origin) else { return };
-    set.items((0x0042, 0x0013), vec![reference]);
+    let (Some(source), Some(series)) = (reference(origin), series_of_source(origin)) else { return };
+    set.items((0x0042, 0x0013), vec![source]);
+    set.items((0x0008, 0x1115), vec![series]);
+}
+
+/// Its series, which is in the same study as the surfaces; `None` where the source tells no study, series or object.
+fn series_of_source(origin: &DicomOrigin) -> Option<Dataset> {
+    origin.uid(STUDY_INSTANCE_UID)?;
+    let mut series = Dataset::default();
+    series.text((0x0020, 0x000e), Text::Ui, origin.uid(SERIES_INSTANCE_UID)?);
+    series.items((0x0008, 0x114a), vec![reference(origin)?]);
+    Some(series)
 }
 
 /// The object that the mask came in, as an item; `None` without its class and UID.

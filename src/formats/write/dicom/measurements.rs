@@ -1,12 +1,12 @@
 //! The numbers as a structured report, Comprehensive 3D SR after template 1500: for each structure a group of
-//! measurements (template 1411 by its segment, 1501 where the mask was no DICOM segmentation).
+//! measurements (template 1411 by its segment; 1501, with the label, where the mask has no segment to refer to).
 
 use super::content::{Relation, add_content, code, container, number, segment, text, uid as uid_item};
 use super::dataset::{Code, Dataset, Text};
 use super::document::{evidence, reference};
 use super::instance::{Instance, Kind};
 use super::uid;
-use crate::formats::dicom_origin::SEGMENTED_SERIES;
+use crate::formats::dicom_origin::{DicomOrigin, SEGMENTED_SERIES, SOP_CLASS_UID};
 use crate::formats::write::record::Record;
 use crate::model::{Structure, Verdict};
 use crate::space::LabelCode;
@@ -29,6 +29,7 @@ const MM3: Code<'static> = Code("mm3", "UCUM", "mm3");
 
 const THICKNESS: Code<'static> = Code("THICKNESS", OWN, "Thickness across medial sheet");
 const SHEET_AREA: Code = Code("SHEETAREA", OWN, "Area of medial sheet");
+const LABEL: Code<'static> = Code("LABEL", OWN, "Label in the mask");
 const VERDICT: Code<'static> = Code("VERDICT", OWN, "Quality verdict");
 const REASON: Code<'static> = Code("REASON", OWN, "Reason of quality verdict");
 const VOLUME: Code<'static> = Code("118565006", "SCT", "Volume");
@@ -133,15 +134,23 @@ fn identity(
         uid_item(Relation::Context, Code("112040", "DCM", "Tracking Unique Identifier"), &tracking),
         code(Relation::Contains, Code("121071", "DCM", "Finding"), finding(structure)),
     ];
-    let origin = record.dicom.as_ref();
-    let source = origin.and_then(|own| Some((reference(own)?, own.uid(SEGMENTED_SERIES)?)));
+    let source = record.dicom.as_ref().filter(|origin| has_segments(origin));
+    let source = source.and_then(|own| Some((reference(own)?, own.uid(SEGMENTED_SERIES)?)));
     let (Some((reference, series)), Ok(number)) = (source, u16::try_from(structure.label)) else {
+        content.push(text(Relation::Contains, LABEL, &structure.label.to_string()));
         return (content, "1501");
     };
     content.push(segment(Code("121191", "DCM", "Referenced Segment"), reference, number));
     let series_name = Code("121232", "DCM", "Source series for segmentation");
     content.push(uid_item(Relation::Contains, series_name, series));
     (content, "1411")
+}
+
+/// Whether a report may refer to a segment of the source. Label maps are younger than most readers of reports: those of
+/// before 2024 know the class as no image, and refuse a report that refers to a segment of it as a whole.
+fn has_segments(origin: &DicomOrigin) -> bool {
+    const SEGMENTATION: &str = "1.2.840.10008.5.1.4.1.1.66.4";
+    origin.uid(SOP_CLASS_UID) == Some(SEGMENTATION)
 }
 
 /// What the structure is: by the code that the source gives it, where that can be written with the letters and the length
