@@ -201,9 +201,16 @@ impl Jobs {
             if read.is_some() && level != Level::Study {
                 break;
             }
-            let Some(attributes) = self.read_head(kept).await else {
-                *unread += 1;
-                continue;
+            let attributes = match self.read_head(kept).await {
+                Ok(attributes) => attributes,
+                Err(error) => {
+                    // Where a disk fails, there may be a thousand.
+                    if *unread == 0 {
+                        tracing::warn!(job = %kept.id, name = kept.file.name, %error, "a result cannot be searched");
+                    }
+                    *unread += 1;
+                    continue;
+                }
             };
             modalities
                 .extend(attributes.get(&key(MODALITY)).and_then(|own| own["Value"][0].as_str().map(str::to_owned)));
@@ -220,20 +227,12 @@ impl Jobs {
         Some(read)
     }
 
-    /// What stands at the begin of an object; `None` where it was erased in this moment or is damaged.
-    async fn read_head(&self, kept: &KeptObject) -> Option<Attributes> {
+    /// What stands at the begin of an object. Fails also where it was erased in this moment.
+    async fn read_head(&self, kept: &KeptObject) -> io::Result<Attributes> {
         let mut reader = ElementsReader::default();
-        let read = async {
-            let window = self.window(kept, (0, kept.file.bytes.min(HEAD_BYTES))).await?;
-            reader.take(&window).map_err(io::Error::other)
-        };
-        match read.await {
-            Ok(()) => Some(json::attributes(&reader.finish(), None)),
-            Err(error) => {
-                tracing::warn!(job = %kept.id, name = kept.file.name, %error, "a result cannot be searched");
-                None
-            }
-        }
+        let window = self.window(kept, (0, kept.file.bytes.min(HEAD_BYTES))).await?;
+        reader.take(&window).map_err(io::Error::other)?;
+        Ok(json::attributes(&reader.finish(), None))
     }
 
     /// All elements of an object, once its file was found to be what was kept.
