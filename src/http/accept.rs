@@ -54,7 +54,8 @@ impl Range {
         covers(&self.kind, media_type)
     }
 
-    /// Whether the parts of what is covered may be of this media type: their range, where one is given, is in a parameter.
+    /// Whether the parts of what is covered may be of this media type: their range, where one is given, is in a
+    /// parameter.
     pub fn has_parts(&self, media_type: &str) -> bool {
         parameter(&self.text, "type").is_none_or(|own| covers(&own.to_ascii_lowercase(), media_type))
     }

@@ -1,5 +1,5 @@
-//! Results that are DICOM objects: found by what they are, and read element by element. The index has their identifiers;
-//! all else is read from their files.
+//! Results that are DICOM objects: found by what they are, and read element by element. The index has their
+//! identifiers; all else is read from their files.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
@@ -28,13 +28,13 @@ use crate::formats::dicom_object::DicomObject;
 /// Rows of the index that one request looks at: a few megabytes. With fewer, results of a busy tenant would be found by
 /// their identifiers alone.
 const MAX_ROWS: u32 = 10_000;
-/// Files that one search reads. Each takes some tens of microseconds where the system has it in memory, and milliseconds
-/// where a disk turns for it.
+/// Files that one search reads. Each takes some tens of microseconds where the system has it in memory, and
+/// milliseconds where a disk turns for it.
 const MAX_FILES: usize = 1000;
 /// Results that one search gives: some megabytes of JSON.
 const MAX_RESULTS: usize = 1000;
-/// Bytes of a file that a search reads. Patient, study and series stand there, whatever their length; with less, they could
-/// be cut off.
+/// Bytes of a file that a search reads. Patient, study and series stand there, whatever their length; with less, they
+/// could be cut off.
 const HEAD_BYTES: u64 = 32 << 10;
 
 /// What a request names of the hierarchy: nothing, a study, a series in it, an instance in that.
@@ -158,8 +158,8 @@ impl Jobs {
         Ok(found)
     }
 
-    /// The caller's DICOM results that a path names, newest first; each once, however many jobs have it. And whether there
-    /// are more than are looked at.
+    /// The caller's DICOM results that a path names, newest first; each once, however many jobs have it. And whether
+    /// there are more than are looked at.
     ///
     /// # Errors
     /// When the store fails.
@@ -187,7 +187,8 @@ impl Jobs {
         Ok((found, left == 0))
     }
 
-    /// What the files of a study, a series or an instance say, `room` of them at the most; `None` where none can be read.
+    /// What the files of a study, a series or an instance say, `room` of them at the most; `None` where none can be
+    /// read.
     async fn read_group(
         &self,
         group: &[KeptObject],
