@@ -1,5 +1,5 @@
-//! Texts of DICOM as characters: by the value of SpecificCharacterSet (PS3.3 section C.12.1.1.2) of the object that they
-//! stand in. What is written in none of these sets is replaced by U+FFFD, never left out.
+//! Texts of DICOM as characters: by the value of SpecificCharacterSet (PS3.3 section C.12.1.1.2) of the object that
+//! they stand in. What is written in none of these sets is replaced by U+FFFD, never left out.
 
 use encoding_rs::{EUC_KR, Encoding, GB18030, GBK, ISO_2022_JP};
 

@@ -41,7 +41,8 @@ pub struct Query {
 }
 
 impl Query {
-    /// Reads the parameters of a search for studies, series or instances. What is not known is passed over, with a note.
+    /// Reads the parameters of a search for studies, series or instances. What is not known is passed over, with a
+    /// note.
     ///
     /// # Errors
     /// When a parameter is malformed or given twice.

@@ -51,8 +51,13 @@ impl Accepted {
 impl Range {
     /// Whether the range is this media type or one of many of which it is one.
     pub fn covers(&self, media_type: &str) -> bool {
-        let group = media_type.split('/').next().unwrap_or_default();
-        self.kind == media_type || self.kind == "*/*" || self.kind.strip_suffix("/*") == Some(group)
+        covers(&self.kind, media_type)
+    }
+
+    /// Whether the parts of what is covered may be of this media type: their range, where one is given, is in a
+    /// parameter.
+    pub fn has_parts(&self, media_type: &str) -> bool {
+        parameter(&self.text, "type").is_none_or(|own| covers(&own.to_ascii_lowercase(), media_type))
     }
 
     /// Whether the range is this media type and no other.
@@ -64,6 +69,11 @@ impl Range {
     pub fn lets(&self, name: &str, value: &str) -> bool {
         parameter(&self.text, name).is_none_or(|own| own.eq_ignore_ascii_case(value))
     }
+}
+
+fn covers(range: &str, media_type: &str) -> bool {
+    let group = media_type.split('/').next().unwrap_or_default();
+    range == media_type || range == "*/*" || range.strip_suffix("/*") == Some(group)
 }
 
 /// The members of a list; commas in quotes part nothing.
@@ -98,7 +108,11 @@ mod tests {
         assert_eq!(list.0.len(), 3);
         assert!((list.weight(|range| range.covers("multipart/related")) - 0.5).abs() < 1e-6);
         assert!(list.has("application/dicom") && !list.has("text/html") && !list.has("image/png"));
-        assert!(list.0[0].lets("type", "a/b, c") && !list.0[0].lets("type", "x") && list.0[0].lets("other", "x"));
+        assert!(list.0[0].has_parts("a/b, c") && !list.0[0].has_parts("x/y") && list.0[0].lets("other", "x"));
+        for (range, is_covered) in [("*/*", true), ("Application/*", true), ("image/*", false)] {
+            let list = accepted(&format!("multipart/related; type=\"{range}\""));
+            assert_eq!(list.0[0].has_parts("application/dicom"), is_covered, "{range}");
+        }
     }
 
     #[test]

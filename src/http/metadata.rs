@@ -1,5 +1,5 @@
-//! What DICOM results say of themselves, as JSON, and the long values that this leaves out (WADO-RS, PS3.18 sections 10.4.1.1.2
-//! and 10.4.1.1.5).
+//! What DICOM results say of themselves, as JSON, and the long values that this leaves out (WADO-RS, PS3.18 sections
+//! 10.4.1.1.2 and 10.4.1.1.5).
 
 use std::io;
 use std::sync::Arc;

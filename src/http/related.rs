@@ -30,7 +30,7 @@ impl Form {
     pub fn of(accepted: &Accepted, part: &str, single: Option<&str>) -> Option<Self> {
         let is_syntax =
             |range: &Range| range.lets("transfer-syntax", "*") || range.lets("transfer-syntax", TRANSFER_SYNTAX);
-        let is_multipart = |range: &Range| range.covers(MULTIPART) && range.lets("type", part) && is_syntax(range);
+        let is_multipart = |range: &Range| range.covers(MULTIPART) && range.has_parts(part) && is_syntax(range);
         let multipart = accepted.weight(is_multipart);
         let single = single.map_or(0.0, |single| accepted.weight(|range| range.covers(single) && is_syntax(range)));
         match (multipart, single) {
@@ -135,6 +135,7 @@ mod tests {
             ("application/dicom;q=0.1, multipart/related", many, many),
             ("multipart/related; type=\"application/dicom\"; transfer-syntax=1.2.840.10008.1.2.4.70", None, None),
             ("multipart/related; type=\"application/octet-stream\"", None, None),
+            ("multipart/related; type=\"*/*\"", many, many),
             ("image/png", None, None),
         ] {
             assert_eq!([form(accept, Some(DICOM)), form(accept, None)], [of_instance, of_study], "{accept}");

@@ -1,5 +1,5 @@
-//! DICOM results as an archive or a viewer fetches them (WADO-RS, PS3.18 section 10.4): the files of a study, a series or
-//! an instance, as they were made.
+//! DICOM results as an archive or a viewer fetches them (WADO-RS, PS3.18 section 10.4): the files of a study, a series
+//! or an instance, as they were made.
 
 use std::io;
 use std::sync::Arc;

@@ -111,6 +111,14 @@ pub struct ResultFile {
     pub dicom: Option<DicomObject>,
 }
 
+impl ResultFile {
+    /// Whether it is DICOM and was made by a version that did not say which object it is: searches do not find it.
+    #[must_use]
+    pub fn is_unnamed_object(&self) -> bool {
+        self.dicom.is_none() && self.media_type == "application/dicom"
+    }
+}
+
 impl From<&WrittenFile> for ResultFile {
     fn from(file: &WrittenFile) -> Self {
         Self {

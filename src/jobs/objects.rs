@@ -1,5 +1,5 @@
-//! Results that are DICOM objects: found by what they are, and read element by element. The index has their identifiers;
-//! all else is read from their files.
+//! Results that are DICOM objects: found by what they are, and read element by element. The index has their
+//! identifiers; all else is read from their files.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
@@ -28,13 +28,13 @@ use crate::formats::dicom_object::DicomObject;
 /// Rows of the index that one request looks at: a few megabytes. With fewer, results of a busy tenant would be found by
 /// their identifiers alone.
 const MAX_ROWS: u32 = 10_000;
-/// Files that one search reads. Each takes some tens of microseconds where the system has it in memory, and milliseconds
-/// where a disk turns for it.
+/// Files that one search reads. Each takes some tens of microseconds where the system has it in memory, and
+/// milliseconds where a disk turns for it.
 const MAX_FILES: usize = 1000;
 /// Results that one search gives: some megabytes of JSON.
 const MAX_RESULTS: usize = 1000;
-/// Bytes of a file that a search reads. Patient, study and series stand there, whatever their length; with less, they could
-/// be cut off.
+/// Bytes of a file that a search reads. Patient, study and series stand there, whatever their length; with less, they
+/// could be cut off.
 const HEAD_BYTES: u64 = 32 << 10;
 
 /// What a request names of the hierarchy: nothing, a study, a series in it, an instance in that.
@@ -158,8 +158,8 @@ impl Jobs {
         Ok(found)
     }
 
-    /// The caller's DICOM results that a path names, newest first; each once, however many jobs have it. And whether there
-    /// are more than are looked at.
+    /// The caller's DICOM results that a path names, newest first; each once, however many jobs have it. And whether
+    /// there are more than are looked at.
     ///
     /// # Errors
     /// When the store fails.
@@ -187,7 +187,8 @@ impl Jobs {
         Ok((found, left == 0))
     }
 
-    /// What the files of a study, a series or an instance say, `room` of them at the most; `None` where none can be read.
+    /// What the files of a study, a series or an instance say, `room` of them at the most; `None` where none can be
+    /// read.
     async fn read_group(
         &self,
         group: &[KeptObject],
@@ -201,9 +202,16 @@ impl Jobs {
             if read.is_some() && level != Level::Study {
                 break;
             }
-            let Some(attributes) = self.read_head(kept).await else {
-                *unread += 1;
-                continue;
+            let attributes = match self.read_head(kept).await {
+                Ok(attributes) => attributes,
+                Err(error) => {
+                    // Where a disk fails, there may be a thousand.
+                    if *unread == 0 {
+                        tracing::warn!(job = %kept.id, name = kept.file.name, %error, "a result cannot be searched");
+                    }
+                    *unread += 1;
+                    continue;
+                }
             };
             modalities
                 .extend(attributes.get(&key(MODALITY)).and_then(|own| own["Value"][0].as_str().map(str::to_owned)));
@@ -220,20 +228,12 @@ impl Jobs {
         Some(read)
     }
 
-    /// What stands at the begin of an object; `None` where it was erased in this moment or is damaged.
-    async fn read_head(&self, kept: &KeptObject) -> Option<Attributes> {
+    /// What stands at the begin of an object. Fails also where it was erased in this moment.
+    async fn read_head(&self, kept: &KeptObject) -> io::Result<Attributes> {
         let mut reader = ElementsReader::default();
-        let read = async {
-            let window = self.window(kept, (0, kept.file.bytes.min(HEAD_BYTES))).await?;
-            reader.take(&window).map_err(io::Error::other)
-        };
-        match read.await {
-            Ok(()) => Some(json::attributes(&reader.finish(), None)),
-            Err(error) => {
-                tracing::warn!(job = %kept.id, name = kept.file.name, %error, "a result cannot be searched");
-                None
-            }
-        }
+        let window = self.window(kept, (0, kept.file.bytes.min(HEAD_BYTES))).await?;
+        reader.take(&window).map_err(io::Error::other)?;
+        Ok(json::attributes(&reader.finish(), None))
     }
 
     /// All elements of an object, once its file was found to be what was kept.

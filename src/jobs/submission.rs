@@ -12,7 +12,7 @@ use tokio::task::spawn_blocking;
 use super::caller::Caller;
 use super::error::JobsError;
 use super::expected::expected;
-use super::job::{Job, JobId, RequestedParams};
+use super::job::{Job, JobId, RequestedParams, ResultFile};
 use super::service::{JobStatus, Jobs};
 use super::store::{Inserted, NewJob, Reused, StoreError, new_token};
 use super::upload::{Received, preflight};
@@ -188,6 +188,9 @@ impl Jobs {
         let Some(Job { id: from, results, warnings, results_token: Some(from_token), .. }) = equal else {
             return Ok(None);
         };
+        if results.iter().any(ResultFile::is_unnamed_object) {
+            return Ok(None);
+        }
         for file in &results {
             match self.content(from, &from_token, file).await {
                 Ok(_) => {}

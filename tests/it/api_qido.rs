@@ -1,7 +1,13 @@
 //! Searches for DICOM results.
 
+use std::collections::BTreeMap;
+use std::time::Duration;
+
 use axum::http::Method;
-use medialrep::jobs::job::JobId;
+use jiff::Timestamp;
+use medialrep::formats::dicom_object::DicomObject;
+use medialrep::jobs::job::{JobId, MaskInfo, ResultFile};
+use medialrep::jobs::store::{NewJob, Reused};
 use medialrep::jobs::token::{Scope, Token};
 use serde_json::{Value, json};
 
@@ -243,4 +249,62 @@ async fn a_result_that_cannot_be_read_is_left_out_and_told() {
     assert_eq!(warnings(&answer), ["299 medialrep \"1 results could not be read\""]);
     let studies: Value = search(&server, STUDIES).await.json();
     assert_eq!(studies[0]["00080061"]["Value"], json!(["SR"]));
+}
+
+/// Four results of a job that say which objects they are, and whose files are not there.
+fn lost_results(at: usize) -> Vec<ResultFile> {
+    let object = |n: usize| DicomObject {
+        class: "1.2.3".to_owned(),
+        study: format!("1.9.{at}"),
+        series: format!("1.9.{at}.{n}"),
+        instance: format!("1.9.{at}.{n}.1"),
+    };
+    let file = |n: usize| ResultFile {
+        name: format!("file{n}"),
+        media_type: "application/dicom".to_owned(),
+        bytes: 1000,
+        sha256: String::new(),
+        dicom: Some(object(n)),
+    };
+    (0..4).map(file).collect()
+}
+
+/// Keeps a job that has succeeded with such results.
+async fn insert_lost(server: &Server, at: usize) {
+    let reused = Reused {
+        token: "token".to_owned(),
+        results: lost_results(at),
+        warnings: Vec::new(),
+        program: "0.1.0".to_owned(),
+    };
+    let job = NewJob {
+        id: JobId::now(),
+        owner: String::new(),
+        mask: MaskInfo { sha256: String::new(), bytes: 1 },
+        params_json: "{}".to_owned(),
+        labels: BTreeMap::new(),
+        idempotency_key: None,
+        request_sha256: String::new(),
+        work_sha256: at.to_string(),
+        callback_url: None,
+        trace_id: String::new(),
+        created_at: Timestamp::now(),
+        expected: Duration::ZERO,
+        reused: Some(reused),
+    };
+    server.jobs.store().insert(&job, server.jobs.limits().queue).await.unwrap();
+}
+
+#[tokio::test]
+async fn a_search_reads_so_many_files_and_says_when_there_are_more() {
+    let server = server().await;
+    for at in 0..251 {
+        insert_lost(&server, at).await;
+    }
+    let answer = search(&server, "/dicom-web/instances?PatientID=CT-7").await;
+    let told = warnings(&answer);
+    assert!(told[0].contains("Only the newest results were looked at") && told[1].contains("1000 results"), "{told:?}");
+    // By its identifiers the oldest one is looked at too.
+    let answer = search(&server, "/dicom-web/instances?SOPInstanceUID=1.9.0.0.1").await;
+    assert_eq!(warnings(&answer), ["299 medialrep \"1 results could not be read\""]);
 }

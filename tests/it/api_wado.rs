@@ -188,6 +188,9 @@ async fn long_values_are_fetched_alone() {
     let parts = get(&server, &uri, "multipart/related; type=\"application/octet-stream\"").await;
     assert!(parts.body == related(&parts, octets, octets, &[value]));
     assert_eq!(parts.header("content-length"), parts.body.len().to_string());
+    // As clients ask that do not know what it is.
+    let parts = get(&server, &uri, "multipart/related; type=\"*/*\"").await;
+    assert!(parts.body == related(&parts, octets, octets, &[value]));
     for (accept, kind) in [("application/pdf", "application/pdf"), (octets, octets)] {
         let answer = get(&server, &uri, accept).await;
         assert_eq!((answer.header("content-type"), answer.body == value), (kind, true));

@@ -1,15 +1,15 @@
 //! All elements of an object that this program wrote, as a tree: explicit VR, little endian, all lengths told (PS3.5,
 //! chapter 7). For who hands its attributes on; segmentations are read by what is wanted of them alone.
 //!
-//! Read window by window, so that a file of any length takes the memory of one. Values that are long are not read: it is
-//! told where they lie.
+//! Read window by window, so that a file of any length takes the memory of one. Values that are long are not read: it
+//! is told where they lie.
 
 use super::syntax::{MAGIC, PREAMBLE_BYTES, UNDEFINED, has_short_length};
 use super::tag::Tag;
 use super::values::plain;
 
-/// Bytes of a value that is kept; longer ones are told by their place. With less, texts of a report would be missing where
-/// attributes are handed on; with more, pictures would stand in answers.
+/// Bytes of a value that is kept; longer ones are told by their place. With less, texts of a report would be missing
+/// where attributes are handed on; with more, pictures would stand in answers.
 pub const MAX_VALUE_BYTES: u64 = 16 << 10;
 /// The same of a sequence with all that is in it: a report of a thousand structures has as much. With more, a tree of
 /// millions of elements would stand in memory.
@@ -93,8 +93,8 @@ impl ElementsReader {
         self.position
     }
 
-    /// Takes the elements that lie as a whole in a window, which begins at [`position`](Self::position). Goes on behind them,
-    /// and behind what is too long to be kept.
+    /// Takes the elements that lie as a whole in a window, which begins at [`position`](Self::position). Goes on behind
+    /// them, and behind what is too long to be kept.
     ///
     /// # Errors
     /// When the bytes are no such elements, or not one of them is whole.
