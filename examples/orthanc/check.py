@@ -65,7 +65,7 @@ def wait_for(what, test, seconds):
     while not (answer := test()):
         if time.monotonic() > end:
             raise Miss(f"not after {seconds} s: {what}")
-        time.sleep(0.2)
+        time.sleep(0.1)
     return answer
 
 
@@ -193,6 +193,16 @@ class Recipe:
         self.service.start()
         self.expect(name)
 
+    def service_killed_sending(self, name="service-killed-sending"):
+        """What a service that is gone was about to deliver is not waited for."""
+        before = len(self.jobs())
+        self.send(name)
+        wait_for("it is a job", lambda: len(self.jobs()) > before, PATIENCE[self.length])
+        wait_for("the job has succeeded", lambda: self.jobs()[0]["state"] == "succeeded", PATIENCE[self.length])
+        self.service.end(signal.SIGKILL)
+        self.service.start()
+        self.expect(name)
+
     def service_away(self, name="service-away", by=signal.SIGTERM):
         self.service.end(by)
         self.send(name)
@@ -257,6 +267,7 @@ def cases(recipe):
     yield "one of ours is not sent, one that cannot be read holds up no other", recipe.unusable
     yield "Orthanc is killed while a job runs, and is away", recipe.orthanc_killed
     yield "the service is killed while a job runs", recipe.service_killed
+    yield "the service is killed while results are sent", recipe.service_killed_sending
     yield "the service is away when a segmentation comes", recipe.service_away
     yield "Orthanc is killed before a series is at rest, the service is away", recipe.both_away
     if recipe.length == "long":

@@ -64,8 +64,9 @@ local function isDone(series)
 end
 
 local function mark(series, outcome)
-   RestApiPut("/series/" .. series.id .. "/metadata/" .. MARK, outcome .. " " .. series.lastUpdate)
-   medialrep.say("series " .. series.id .. " " .. outcome)
+   local done = RestApiPut("/series/" .. series.id .. "/metadata/" .. MARK, outcome .. " " .. series.lastUpdate)
+   local trouble = done == nil and ", but cannot be marked: is medialrep in UserMetadata?" or ""
+   medialrep.say("series " .. series.id .. " " .. outcome .. trouble)
 end
 
 function medialrep.add(seriesId)

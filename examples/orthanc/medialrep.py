@@ -217,7 +217,10 @@ def treat(service, series):
     instances, last_update, _ = found
     outcomes = {bring_back(service, instance) for instance in instances}
     outcome = "-and-".join(sorted(outcomes - {"deleted"})) or "deleted"
-    orthanc.RestApiPut(f"/series/{series}/metadata/{MARK}", f"{outcome} {last_update}".encode())
+    try:
+        orthanc.RestApiPut(f"/series/{series}/metadata/{MARK}", f"{outcome} {last_update}".encode())
+    except orthanc.OrthancException as error:
+        raise Later(f"{outcome}, but cannot be marked: is {MARK} in UserMetadata?") from error
 
 
 def work(service):

@@ -43,12 +43,13 @@ impl Unnamed {
 
 impl Jobs {
     /// Takes up what others left, at the start. Files that no job names are swept at once when nobody else can be writing
-    /// them; whoever starts meanwhile waits.
+    /// them, and deliveries are due at once when nobody else can be sending them; whoever starts meanwhile waits.
     pub(super) async fn take_over(&self) -> Result<(), OpenError> {
         let taken_up = self.take_up_dead().await?;
         let peers = self.instance().peers();
         let swept = match on_own_thread(move || peers.alone()).await? {
             Some(alone) => {
+                self.store().all_deliveries_due(Timestamp::now()).await?;
                 let swept = self.sweep_all().await;
                 drop(alone);
                 swept

@@ -179,6 +179,21 @@ async fn a_pacs_that_is_away_is_asked_once_a_try() {
 }
 
 #[tokio::test]
+async fn a_delivery_of_a_server_that_is_gone_is_taken_up_at_once() {
+    let (mut server, pacs) = with_pacs(vec![Reply::new(503, "text/plain", ""), stored()]).await;
+    let job = submitted(&server, TWO).await;
+    server.run(&writes_dicom());
+    after_tries(&server, &job, 1).await;
+    // As if the server had been killed while it sent.
+    let id = JobId::parse(job.rsplit('/').next().unwrap()).unwrap();
+    server.jobs.store().extend_delivery(id, Timestamp::MAX).await.unwrap();
+    let dir = server.stop().await;
+    let mut server = Server::open_with_pacs(dir, limits(), pacs.client(Duration::from_secs(2))).await;
+    server.run(&writes_dicom());
+    assert_eq!(after_tries(&server, &job, 2).await["state"], "delivered");
+}
+
+#[tokio::test]
 async fn results_that_were_erased_are_given_up() {
     let (mut server, pacs) = with_pacs(vec![Reply::new(500, "text/plain", ""), stored()]).await;
     let job = submitted(&server, TWO).await;

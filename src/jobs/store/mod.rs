@@ -582,6 +582,10 @@ pub trait DeliveryStore: Send + Sync {
     /// Keeps it for the caller until a later time.
     async fn extend_delivery(&self, id: JobId, until: Timestamp) -> Result<(), StoreError>;
 
+    /// Makes all that wait for a next try due now, also those that somebody had who is gone. Only for one who is alone:
+    /// else two send the same.
+    async fn all_deliveries_due(&self, now: Timestamp) -> Result<(), StoreError>;
+
     /// Writes that the archive has one more of the results.
     async fn delivery_stored(&self, id: JobId, name: &str) -> Result<(), StoreError>;
 

@@ -33,6 +33,11 @@ impl DeliveryStore for SqliteStore {
         Ok(())
     }
 
+    async fn all_deliveries_due(&self, now: Timestamp) -> Result<(), StoreError> {
+        sqlx::query(statements::ALL_DELIVERIES_DUE).bind(now.as_millisecond()).execute(&self.writer).await?;
+        Ok(())
+    }
+
     async fn delivery_stored(&self, id: JobId, name: &str) -> Result<(), StoreError> {
         sqlx::query(
             "UPDATE jobs SET delivery_stored = json_insert(delivery_stored, '$[#]', $1)

@@ -47,6 +47,10 @@ pub(super) const NEXT_CALLBACK: &str = "SELECT id, owner, callback_url, callback
 pub(super) const NEXT_DELIVERY: &str = "SELECT id FROM jobs
      WHERE delivery_state = 'due' AND delivery_to = $1 AND delivery_due_ms <= $2 ORDER BY delivery_due_ms LIMIT 1";
 
+/// Deliveries that would come due later.
+pub(super) const ALL_DELIVERIES_DUE: &str = "UPDATE jobs SET delivery_due_ms = $1 WHERE id IN
+     (SELECT id FROM jobs WHERE delivery_state = 'due' AND delivery_due_ms > $1)";
+
 /// A tenant's jobs, newest first: of `$1` before `$3`, in state `$2`, with label `$4` of value `$5`, `$6` at the most.
 pub(super) fn list(has_label: bool, has_state: bool) -> String {
     let state = if has_state { "AND state = $2" } else { "" };
@@ -102,6 +106,7 @@ mod tests {
             (EXPIRE_JOBS, "jobs_by_end"),
             (NEXT_CALLBACK, "jobs_by_callback"),
             (NEXT_DELIVERY, "jobs_by_delivery"),
+            (ALL_DELIVERIES_DUE, "jobs_by_delivery"),
             (&*lists[0], "jobs_by_owner"),
             (&*lists[1], "jobs_by_owner_and_state"),
             (&*lists[2], "PRIMARY KEY"),
