@@ -3,6 +3,7 @@
 use medialrep::formats::artifacts::ARTIFACTS;
 use medialrep::formats::dicom_origin::DicomOrigin;
 use medialrep::formats::write::record::Record;
+use medialrep::model::Figure;
 
 use crate::formats_pages::{png, record, slab, written};
 use crate::help::dicom_read::{Dataset, bytes, code, number, read, sequence, text};
@@ -131,6 +132,19 @@ fn documents_hold_the_files_as_they_are() {
     }
     let (_, stl) = read(&written("surfaces.stl.dcm", &record));
     assert_eq!(code(&stl, 0x0040_08ea), "mm");
+}
+
+#[test]
+fn surfaces_say_how_many_are_missing() {
+    let title = |record: &Record| {
+        let (_, set) = read(&written("surfaces.stl.dcm", record));
+        text(&set, 0x0042_0010)
+    };
+    let mut record = record(slab());
+    assert!(title(&record).starts_with("Closed surfaces of all figures"));
+    let Figure::Sheet(sheet) = &mut record.model.structures[0].figures[0] else { panic!("a slab is a sheet") };
+    sheet.valid[0] = false;
+    assert!(title(&record).starts_with("Closed surfaces of 0 of 1 figures"), "a sheet with a hole has none");
 }
 
 /// The groups of measurements of a report.

@@ -189,7 +189,7 @@ async fn text_of_a_patient_goes_nowhere_but_into_dicom_results() {
     let [data, secret] = ["data", "secret"].map(|name| folder.path().join(name));
     std::fs::write(&secret, "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw").unwrap();
     let masks = masks();
-    let pacs = FakePacs::start(masks.iter().map(|mask| Reply::parts(&[mask.clone()])).collect()).await;
+    let pacs = FakePacs::start(masks.iter().map(|mask| Reply::parts(std::slice::from_ref(mask))).collect()).await;
     let (port, hooks) = receiver();
     let hook = format!("http://127.0.0.1:{port}/hook");
     let pacs = format!("main={}", pacs.url);

@@ -53,7 +53,8 @@ pub(super) fn stl(record: &Record) -> io::Result<Instance> {
     let mut instance = Instance::new(record, STL);
     let set = &mut instance.dataset;
     set.text((0x0028, 0x0301), Text::Cs, "NO");
-    set.text((0x0042, 0x0010), Text::St, "Closed surfaces of all figures, not for diagnosis");
+    let surfaces = stl::surfaces(&record.model);
+    set.text((0x0042, 0x0010), Text::St, &title(record, surfaces.len()));
     set.code((0x0040, 0xa043), MODEL);
     set.code((0x0040, 0x08ea), MM);
     let frame = record.dicom.as_ref().and_then(|origin| origin.uid(FRAME_OF_REFERENCE_UID));
@@ -64,9 +65,18 @@ pub(super) fn stl(record: &Record) -> io::Result<Instance> {
         add_source(set, origin);
     }
     let mut bytes = Vec::new();
-    stl::write(&record.model, &mut bytes)?;
+    stl::write_meshes(&surfaces, &mut bytes)?;
     add_file(set, &bytes, "model/stl")?;
     Ok(instance)
+}
+
+/// What so many surfaces are: who looks at them alone must see that some are missing.
+fn title(record: &Record, surfaces: usize) -> String {
+    let figures = record.model.structures.iter().map(|structure| structure.figures.len()).sum::<usize>();
+    if surfaces == figures {
+        return "Closed surfaces of all figures, not for diagnosis".to_owned();
+    }
+    format!("Closed surfaces of {surfaces} of {figures} figures (sheets with holes have none), not for diagnosis")
 }
 
 /// The object that the surfaces were made from, and where it is filed: an object may name no other whose study and series
