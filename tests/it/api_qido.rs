@@ -287,6 +287,7 @@ async fn insert_lost(server: &Server, at: usize) {
         request_sha256: String::new(),
         work_sha256: at.to_string(),
         callback_url: None,
+        deliver_to: None,
         trace_id: String::new(),
         created_at: Timestamp::now(),
         expected: Duration::ZERO,
