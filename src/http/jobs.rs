@@ -301,11 +301,13 @@ pub async fn cancel(
 }
 
 /// Run a failed or canceled job again.
+///
+/// Of one that has succeeded, deliver the results again where that was given up.
 #[utoipa::path(
     post, path = "/v1/jobs/{id}/retry", tag = "jobs",
     params(IdParam),
     responses(
-        (status = 202, body = JobView, description = "The job, waiting again"),
+        (status = 202, body = JobView, description = "The job, waiting again, or its delivery due again"),
         TokenProblems,
         NoSuchJob,
         (status = 409, body = Problem, content_type = PROBLEM_JSON, description = "`not_retryable`, `mask_erased`"),

@@ -185,7 +185,8 @@ pub struct Links {
     /// POST here to stop it; null once it has ended.
     #[schema(required)]
     cancel: Option<String>,
-    /// POST here to run it again; null unless failed or canceled with its mask still there.
+    /// POST here to run it again, where it failed or was canceled and its mask is still there; or to deliver its results
+    /// again, where that was given up and they are still there. Else null.
     #[schema(required)]
     retry: Option<String>,
 }
@@ -235,7 +236,8 @@ impl From<JobStatus> for JobView {
         let itself = path_of(id);
         let cancel = state.after(Cause::Cancel).map(|_| format!("{itself}/cancel"));
         let is_retryable = state.after(Cause::Retry).is_some() && job.is_mask_kept;
-        let retry = is_retryable.then(|| format!("{itself}/retry"));
+        let is_given_up = job.delivery.as_ref().is_some_and(|delivery| delivery.state == SendState::GivenUp);
+        let retry = (is_retryable || is_given_up && job.are_results_kept).then(|| format!("{itself}/retry"));
         let results = job.artifacts().cloned().map(|file| result_view(&itself, file)).collect();
         Self {
             id: id.to_string(),

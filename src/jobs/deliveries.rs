@@ -33,8 +33,8 @@ const TO_ONE_ARCHIVE: usize = 2;
 const FIRST_WAIT: SignedDuration = SignedDuration::from_secs(5);
 /// Longest wait: an archive that is back gets what it missed within this time.
 const LONGEST_WAIT: SignedDuration = SignedDuration::from_secs(600);
-/// How long after the end of a job its delivery is tried: over a weekend.
-const PATIENCE: SignedDuration = SignedDuration::from_hours(72);
+/// Tries until it is given up: three days, over a weekend. Counted, so that steps of the clock change nothing.
+const MOST_TRIES: u32 = 439;
 
 /// Goes on for ever; at once when there is no archive.
 pub(super) async fn send(jobs: Arc<Jobs>) {
@@ -108,7 +108,7 @@ async fn deliver(jobs: &Jobs, job: &Job) {
     let next = match &tried {
         Ok(_) => SendNext::Delivered,
         Err(missed) if missed.is_final => SendNext::GiveUp,
-        Err(_) => next_try(job, delivery.tries, now),
+        Err(_) => next_wait(delivery.tries).map_or(SendNext::GiveUp, |wait| SendNext::TryAt(now + wait)),
     };
     let (code, status) = match tried {
         Ok(status) => ("delivered", status),
@@ -128,10 +128,10 @@ async fn deliver(jobs: &Jobs, job: &Job) {
     }
 }
 
-fn next_try(job: &Job, tries: u32, now: Timestamp) -> SendNext {
-    let wait = FIRST_WAIT.saturating_mul(1 << tries.min(16)).min(LONGEST_WAIT);
-    let end = job.ended_at.unwrap_or(job.created_at) + PATIENCE;
-    if now + wait > end { SendNext::GiveUp } else { SendNext::TryAt(now + wait) }
+/// How long to wait after a try that so many went before; none when it was the last.
+fn next_wait(before: u32) -> Option<SignedDuration> {
+    let wait = FIRST_WAIT.saturating_mul(1 << before.min(16)).min(LONGEST_WAIT);
+    (before + 1 < MOST_TRIES).then_some(wait)
 }
 
 /// Stores what the archive has not got yet; the status of the last answer. One that is not taken does not keep the others
@@ -190,9 +190,9 @@ mod tests {
 
     #[test]
     fn waits_grow_to_ten_minutes_and_end_after_three_days() {
-        let waits = |tries: u32| FIRST_WAIT.saturating_mul(1 << tries.min(16)).min(LONGEST_WAIT).as_secs();
-        let begin: Vec<i64> = (0..9).map(waits).collect();
-        assert_eq!(begin, [5, 10, 20, 40, 80, 160, 320, 600, 600]);
-        assert_eq!(waits(u32::MAX), 600);
+        let waits: Vec<i64> = (0..).map_while(next_wait).map(|wait| wait.as_secs()).collect();
+        assert_eq!(waits[..9], [5, 10, 20, 40, 80, 160, 320, 600, 600]);
+        assert_eq!(waits.iter().sum::<i64>() / 3600, 71);
+        assert_eq!(next_wait(MOST_TRIES), None);
     }
 }

@@ -279,7 +279,7 @@ impl Jobs {
         self.status(caller, id).await
     }
 
-    /// Runs a failed or canceled job again.
+    /// Runs a failed or canceled job again; one that has succeeded delivers its results again where that was given up.
     ///
     /// # Errors
     /// When there is no such job, it is in another state, its mask is erased or the queue is full.
@@ -287,6 +287,14 @@ impl Jobs {
         self.own(caller, id).await?;
         match self.store.retry(id, Timestamp::now(), self.queue_limits(&caller.tenant)?).await? {
             RetryAnswer::NotFound => return Err(JobsError::NotFound),
+            RetryAnswer::NotRetryable(JobState::Succeeded)
+                if self.store.retry_delivery(id, Timestamp::now()).await? =>
+            {
+                tracing::info!(job = %id, "results are delivered again");
+                self.record(caller, Action::Retry, Some(id), "delivery").await;
+                self.wake_deliveries();
+                return self.status(caller, id).await;
+            }
             RetryAnswer::NotRetryable(state) => return Err(JobsError::NotRetryable(state)),
             RetryAnswer::MaskErased => return Err(JobsError::MaskErased),
             RetryAnswer::Queued => {}

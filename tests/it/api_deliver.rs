@@ -146,6 +146,13 @@ async fn what_the_pacs_never_takes_does_not_keep_the_others_back() {
     assert_eq!((&delivery["state"], &delivery["stored"]), (&json!("given_up"), &json!(["report.sr.dcm"])));
     assert_eq!(delivery["last_try"]["error"], "class_not_supported");
     assert_eq!(pacs.asked().len(), 2);
+    // Until somebody has seen to it that it does.
+    let retry = server.get(&job).await.json()["links"]["retry"].as_str().unwrap().to_owned();
+    assert_eq!(server.post(&retry, Vec::new()).await.status, 202);
+    let now = server.job_when(&job, |now| now["delivery"]["state"] == "delivered").await;
+    assert_eq!(now["delivery"]["stored"], json!(["report.sr.dcm", "picture.dcm"]));
+    assert_eq!((&now["links"]["retry"], pacs.asked().len()), (&Value::Null, 3));
+    server.post(&retry, Vec::new()).await.is_problem(409, "not_retryable");
 }
 
 #[tokio::test]

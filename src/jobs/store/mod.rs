@@ -589,6 +589,10 @@ pub trait DeliveryStore: Send + Sync {
     /// Writes that the archive has one more of the results.
     async fn delivery_stored(&self, id: JobId, name: &str) -> Result<(), StoreError>;
 
+    /// Makes a delivery due again that was given up, its tries counted anew; `false` when there is none whose results are
+    /// kept.
+    async fn retry_delivery(&self, id: JobId, now: Timestamp) -> Result<bool, StoreError>;
+
     /// Writes what came of a try.
     async fn delivery_tried(&self, id: JobId, tried: &SendTry, next: SendNext) -> Result<(), StoreError>;
 }

@@ -11,6 +11,7 @@ use axum::http::{HeaderMap, Method, Request, StatusCode};
 use http_body_util::BodyExt;
 use medialrep::config::ServeConfig;
 use medialrep::dicomweb::Pacs;
+use medialrep::formats::dicom_object::DicomObject;
 use medialrep::http::auth::Access;
 use medialrep::http::web::{Page, PageFile};
 use medialrep::http::{router, router_with_page};
@@ -272,7 +273,8 @@ pub fn writes_these(artifacts: &'static [(&'static str, &'static str)]) -> Proce
             let content = content(name);
             std::fs::write(out.join(name), &content).unwrap();
             let sha256 = Sha256::digest(&content).iter().map(|byte| format!("{byte:02x}")).collect();
-            WrittenFile { name, media_type, bytes: content.len() as u64, sha256, dicom: None }
+            let dicom = (*media_type == "application/dicom").then(|| object(name));
+            WrittenFile { name, media_type, bytes: content.len() as u64, sha256, dicom }
         });
         let warning = Warning { code: "thin".into(), message: "a place is thin".to_owned() };
         Ok(Processed {
@@ -282,6 +284,17 @@ pub fn writes_these(artifacts: &'static [(&'static str, &'static str)]) -> Proce
             structures: Vec::new(),
         })
     })
+}
+
+/// The object that an artifact is said to be.
+fn object(name: &str) -> DicomObject {
+    let instance = format!("1.2.826.{}", name.len());
+    DicomObject {
+        class: "1.2.3".to_owned(),
+        study: "1.2.840.99.7".to_owned(),
+        series: "1.2.826.1".to_owned(),
+        instance,
+    }
 }
 
 /// Runs until `gate` opens or the run is cancelled, then does what [`writes`] does.

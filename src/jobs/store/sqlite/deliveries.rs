@@ -50,6 +50,16 @@ impl DeliveryStore for SqliteStore {
         Ok(())
     }
 
+    async fn retry_delivery(&self, id: JobId, now: Timestamp) -> Result<bool, StoreError> {
+        let retried = sqlx::query(
+            "UPDATE jobs SET delivery_state = 'due', delivery_due_ms = $1, delivery_tries = 0
+             WHERE id = $2 AND delivery_state = 'given_up' AND results_kept = 1",
+        )
+        .bind(now.as_millisecond())
+        .bind(id.to_string());
+        Ok(retried.execute(&self.writer).await?.rows_affected() > 0)
+    }
+
     async fn delivery_tried(&self, id: JobId, tried: &SendTry, next: SendNext) -> Result<(), StoreError> {
         let (state, due) = match next {
             SendNext::Delivered => (SendState::Delivered, None),
