@@ -183,6 +183,38 @@ fn files(folder: &Path, found: &mut Vec<(String, Vec<u8>)>) {
     }
 }
 
+/// What is kept of jobs: all for DICOM results, and by their study a PACS finds them.
+fn check_kept(data: &Path) {
+    let study = format!("{STUDY}#");
+    let mut kept = Vec::new();
+    files(data, &mut kept);
+    assert!(kept.iter().any(|(path, bytes)| path.ends_with("/record") && stands(bytes, &canary(0x0010_0010))));
+    for (path, bytes) in kept {
+        let is_for_dicom = path.contains("/masks/") || path.ends_with("/record") || path.ends_with(".dcm");
+        let allowed = [("thickness.json", SEGMENT_NAME), ("/db/jobs.sqlite", &study), ("/db/jobs.sqlite-wal", &study)];
+        let allowed = allowed.iter().filter(|(end, _)| path.ends_with(end)).map(|(_, text)| *text);
+        if !is_for_dicom {
+            check_told(&path, &bytes, &allowed.collect::<Vec<_>>());
+        }
+    }
+}
+
+/// What is left of deleted jobs: nothing, what rows left within seconds.
+fn check_gone(data: &Path) {
+    let study = format!("{STUDY}#");
+    let deadline = Instant::now() + Duration::from_secs(30);
+    let mut left = Vec::new();
+    loop {
+        left.clear();
+        files(data, &mut left);
+        if Instant::now() > deadline || left.iter().all(|(_, bytes)| !stands(bytes, &study)) {
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(200));
+    }
+    left.iter().for_each(|(path, bytes)| check_told(path, bytes, &[]));
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn text_of_a_patient_goes_nowhere_but_into_dicom_results() {
     let folder = tempfile::tempdir().unwrap();
@@ -233,32 +265,10 @@ async fn text_of_a_patient_goes_nowhere_but_into_dicom_results() {
     }
     check_told("a webhook", &hooks.lock().unwrap(), &[]);
     check_told("the log", service.log().as_bytes(), &[]);
-    let mut kept = Vec::new();
-    files(&data, &mut kept);
-    assert!(kept.iter().any(|(path, bytes)| path.ends_with("/record") && stands(bytes, &canary(0x0010_0010))));
-    let study = format!("{STUDY}#");
-    for (path, bytes) in kept {
-        let is_for_dicom = path.contains("/masks/") || path.ends_with("/record") || path.ends_with(".dcm");
-        // By its study a PACS finds results.
-        let allowed = [("thickness.json", SEGMENT_NAME), ("/db/jobs.sqlite", &study), ("/db/jobs.sqlite-wal", &study)];
-        let allowed = allowed.iter().filter(|(end, _)| path.ends_with(end)).map(|(_, text)| *text);
-        if !is_for_dicom {
-            check_told(&path, &bytes, &allowed.collect::<Vec<_>>());
-        }
-    }
-    // With the job all of it goes: the files at once, what rows left within seconds.
+    check_kept(&data);
+    // With the job all of it goes.
     jobs.iter().for_each(|job| assert!(service.call(&format!("DELETE {job}"), b"").0.contains(" 204 ")));
-    let deadline = Instant::now() + Duration::from_secs(30);
-    loop {
-        let mut left = Vec::new();
-        files(&data, &mut left);
-        let is_over = Instant::now() > deadline || left.iter().all(|(_, bytes)| !stands(bytes, &study));
-        if is_over {
-            left.iter().for_each(|(path, bytes)| check_told(path, bytes, &[]));
-            break;
-        }
-        std::thread::sleep(Duration::from_millis(200));
-    }
+    check_gone(&data);
 }
 
 #[test]
