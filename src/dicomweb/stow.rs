@@ -25,6 +25,10 @@ const LEAST_BYTES_PER_SECOND: u64 = 256 << 10;
 mod reason {
     /// The instance is there already.
     pub const DUPLICATE: u16 = 0x0111;
+    /// The same of Azure's.
+    pub const ALREADY_THERE: u16 = 0xB00E;
+    /// Processing failure: it failed, and it is not said why.
+    pub const FAILED: u16 = 0x0110;
     pub const CLASS_NOT_SUPPORTED: u16 = 0x0122;
 }
 
@@ -118,7 +122,7 @@ impl Archive<'_> {
         }
         let answer = request.send().await.map_err(|error| StoreFault::NoAnswer(self.no_answer(error)))?;
         let status = answer.status().as_u16();
-        judge(status, &read(answer).await)
+        judge(status, read(answer).await.as_deref())
     }
 
     fn studies(&self) -> Url {
@@ -131,48 +135,63 @@ impl Archive<'_> {
     }
 }
 
-/// The beginning of an answer: whoever wrote it could make it endless.
-async fn read(mut answer: Response) -> Vec<u8> {
+/// A whole answer; `None` when it is longer than any is, or breaks off.
+async fn read(mut answer: Response) -> Option<Vec<u8>> {
     let mut text = Vec::new();
-    while let Ok(Some(chunk)) = answer.chunk().await {
+    while let Some(chunk) = answer.chunk().await.ok()? {
         text.extend_from_slice(&chunk);
         if text.len() > MAX_ANSWER_BYTES {
-            break;
+            return None;
         }
     }
-    text
+    Some(text)
 }
 
 /// What an answer means (PS3.18 table 10.5.3-1). Some archives answer 200 and name what failed, others answer 409 for an
-/// instance that they have.
-fn judge(status: u16, answer: &[u8]) -> Result<u16, StoreFault> {
-    let answer: Option<Value> = serde_json::from_slice(answer).ok();
-    let reason = answer.as_ref().and_then(failure_reason);
-    match (status, reason) {
-        (200 | 202 | 409, Some(reason::DUPLICATE)) => Ok(status),
-        (200 | 202 | 409, Some(reason)) => Err(StoreFault::NotStored { status, reason }),
-        (200 | 201 | 204, None) => Ok(status),
-        // A warning, where the answer can be read; else some of it may have failed.
-        (202, None) if answer.is_some() => Ok(status),
-        (202, None) => Err(StoreFault::Unclear(status)),
+/// instance that they have, or XML to whoever asks for JSON. A page of a proxy in between says nothing.
+fn judge(status: u16, answer: Option<&[u8]>) -> Result<u16, StoreFault> {
+    let told = answer.map_or(Told::Nothing, understood);
+    match (status, told) {
+        (200 | 202 | 409, Told::Failed(reason::DUPLICATE | reason::ALREADY_THERE)) => Ok(status),
+        (200 | 202 | 409, Told::Failed(reason)) => Err(StoreFault::NotStored { status, reason }),
+        (200 | 202, Told::Stored) => Ok(status),
+        (200, Told::Nothing) if answer.is_some_and(<[u8]>::is_empty) => Ok(status),
+        (200..=299, _) => Err(StoreFault::Unclear(status)),
         _ => Err(StoreFault::Status(status)),
     }
 }
 
-/// The first Failure Reason of an answer in the JSON of PS3.18 annex F.
-fn failure_reason(answer: &Value) -> Option<u16> {
-    let answer = answer.get(0).unwrap_or(answer);
-    for sequence in ["00081198", "0008119A"] {
-        let Some(failed) =
-            answer.get(sequence).and_then(|sequence| sequence.get("Value")).and_then(|items| items.get(0))
-        else {
-            continue;
+/// What the body of an answer says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Told {
+    /// That the instance was not stored, and why: Failure Reason.
+    Failed(u16),
+    /// An answer as STOW-RS has it, without a failure.
+    Stored,
+    /// Nothing that is understood.
+    Nothing,
+}
+
+/// Reads an answer in the JSON of PS3.18 annex F; of one in XML whether it names what failed.
+fn understood(answer: &[u8]) -> Told {
+    let Ok(json) = serde_json::from_slice::<Value>(answer) else {
+        let text = String::from_utf8_lossy(answer);
+        let names = |tag: &str, keyword: &str| text.contains(tag) || text.contains(keyword);
+        return if names("00081198", "FailedSOPSequence") || names("0008119A", "OtherFailuresSequence") {
+            Told::Failed(reason::FAILED)
+        } else if names("00081199", "ReferencedSOPSequence") {
+            Told::Stored
+        } else {
+            Told::Nothing
         };
+    };
+    let json = json.get(0).unwrap_or(&json);
+    for sequence in ["00081198", "0008119A"] {
+        let Some(failed) = json.get(sequence).and_then(|sequence| sequence.pointer("/Value/0")) else { continue };
         let reason = failed.pointer("/00081197/Value/0").and_then(Value::as_u64);
-        // It failed, for whatever reason.
-        return Some(reason.and_then(|reason| u16::try_from(reason).ok()).unwrap_or(0x0110));
+        return Told::Failed(reason.and_then(|reason| u16::try_from(reason).ok()).unwrap_or(reason::FAILED));
     }
-    None
+    if json.is_object() { Told::Stored } else { Told::Nothing }
 }
 
 #[cfg(test)]
@@ -187,19 +206,33 @@ mod tests {
 
     #[test]
     fn an_answer_says_whether_the_archive_has_the_instance() {
+        let judge = |status, text: &str| judge(status, Some(text.as_bytes()));
         for status in [200, 202] {
-            assert_eq!(judge(status, STORED.as_bytes()), Ok(status));
+            assert_eq!(judge(status, STORED), Ok(status));
+            assert_eq!(
+                judge(status, "<NativeDicomModel><a keyword=\"ReferencedSOPSequence\"/></NativeDicomModel>"),
+                Ok(status)
+            );
+            let failed = "<NativeDicomModel><a tag=\"00081198\"/></NativeDicomModel>";
+            assert_eq!(judge(status, failed), Err(StoreFault::NotStored { status, reason: reason::FAILED }));
+            assert_eq!(judge(status, "<html>sign in</html>"), Err(StoreFault::Unclear(status)));
         }
-        assert_eq!(judge(200, b"<xml/>"), Ok(200));
-        assert_eq!(judge(202, b"<xml/>"), Err(StoreFault::Unclear(202)));
+        assert_eq!(judge(200, ""), Ok(200));
         for status in [200, 202, 409] {
             let reason = 0xA700;
-            assert_eq!(judge(status, failed(reason).as_bytes()), Err(StoreFault::NotStored { status, reason }));
-            assert_eq!(judge(status, failed(reason::DUPLICATE).as_bytes()), Ok(status));
+            assert_eq!(judge(status, &failed(reason)), Err(StoreFault::NotStored { status, reason }));
+            assert_eq!(judge(status, &failed(reason::DUPLICATE)), Ok(status));
+            assert_eq!(judge(status, &failed(reason::ALREADY_THERE)), Ok(status));
         }
+        assert_eq!(judge(204, ""), Err(StoreFault::Unclear(204)), "no content was seen");
         for status in [302, 400, 401, 409, 415, 500, 503] {
-            assert_eq!(judge(status, b""), Err(StoreFault::Status(status)));
+            assert_eq!(judge(status, ""), Err(StoreFault::Status(status)));
         }
+    }
+
+    #[test]
+    fn an_answer_that_breaks_off_says_nothing() {
+        assert_eq!(judge(200, None), Err(StoreFault::Unclear(200)));
     }
 
     #[test]

@@ -126,7 +126,7 @@ pub struct DeliveryView {
     stored: Vec<String>,
     /// Tries so far.
     tries: u32,
-    /// When it is tried next, RFC 3339; null unless due.
+    /// When it is tried next, RFC 3339; while it is sent, when that would count as broken off. Null unless due.
     #[schema(required, format = DateTime)]
     next_try_at: Option<String>,
     /// The last try; null before the first. Errors: `connect_failed`, `timed_out`, `tls_failed`, `interrupted`,

@@ -16,8 +16,8 @@ use super::store::blobs::Content;
 use super::store::{KeptObject, ObjectQuery, ObjectsBy};
 use crate::audit::Action;
 use crate::dicomweb::entries::{
-    AVAILABILITY, CLASS, INSTANCE, INSTANCES_OF_SERIES, INSTANCES_OF_STUDY, Level, MODALITIES, MODALITY, SERIES,
-    SERIES_OF_STUDY, STUDY,
+    AVAILABILITY, CLASS, CONTENT, INSTANCE, INSTANCES_OF_SERIES, INSTANCES_OF_STUDY, Level, MODALITIES, MODALITY,
+    SERIES, SERIES_OF_STUDY, STUDY,
 };
 use crate::dicomweb::json::{self, Attributes, attribute, key};
 use crate::dicomweb::query::Query;
@@ -129,6 +129,7 @@ impl Jobs {
         let (objects, is_cut) = self.find(caller, &Wanted::of(path, Some(query))).await?;
         let mut found = Found { is_cut, ..Found::default() };
         let (mut files, mut passed) = (0, 0);
+        let given = path.series.as_ref().map(|_| Level::Series).or(path.study.as_ref().map(|_| Level::Study));
         for group in groups(objects, query.level()) {
             let is_full = found.results.len() >= query.limit.unwrap_or(MAX_RESULTS).min(MAX_RESULTS);
             if is_full {
@@ -151,7 +152,12 @@ impl Jobs {
             if !query.fits(&result.attributes) {
                 continue;
             }
-            if passed < query.offset { passed += 1 } else { found.results.push(result) }
+            if passed < query.offset {
+                passed += 1;
+                continue;
+            }
+            // Only what is told is kept: a thousand whole ones would fill the memory.
+            found.results.push(FoundObject { attributes: query.select(result.attributes, given), ..result });
         }
         let outcome = if found.results.is_empty() { "nothing" } else { "found" };
         self.record(caller, Action::Search, None, outcome).await;
@@ -233,7 +239,12 @@ impl Jobs {
         let mut reader = ElementsReader::default();
         let window = self.window(kept, (0, kept.file.bytes.min(HEAD_BYTES))).await?;
         reader.take(&window).map_err(io::Error::other)?;
-        Ok(json::attributes(&reader.finish(), None))
+        let mut attributes = json::attributes(&reader.finish(), None);
+        // What a report tells is no attribute that is searched, and most of it.
+        attributes.remove(&key(CONTENT));
+        // The file was not compared with its hash.
+        let is_it = attributes.get(&key(INSTANCE)).is_some_and(|own| own["Value"][0] == kept.object.instance.as_str());
+        if is_it { Ok(attributes) } else { Err(io::ErrorKind::InvalidData.into()) }
     }
 
     /// All elements of an object, once its file was found to be what was kept.

@@ -284,11 +284,12 @@ impl Jobs {
     /// # Errors
     /// When there is no such job, it is in another state, its mask is erased or the queue is full.
     pub async fn retry(&self, caller: &Caller, id: JobId) -> Result<JobStatus, JobsError> {
-        self.own(caller, id).await?;
+        let job = self.own(caller, id).await?;
+        let is_known = job.delivery.is_some_and(|delivery| self.check_pacs(&delivery.to).is_ok());
         match self.store.retry(id, Timestamp::now(), self.queue_limits(&caller.tenant)?).await? {
             RetryAnswer::NotFound => return Err(JobsError::NotFound),
             RetryAnswer::NotRetryable(JobState::Succeeded)
-                if self.store.retry_delivery(id, Timestamp::now()).await? =>
+                if is_known && self.store.retry_delivery(id, Timestamp::now()).await? =>
             {
                 tracing::info!(job = %id, "results are delivered again");
                 self.record(caller, Action::Retry, Some(id), "delivery").await;

@@ -3,8 +3,9 @@
 use std::time::Duration;
 
 use axum::http::Method;
-use jiff::Timestamp;
-use medialrep::jobs::job::JobId;
+use jiff::{SignedDuration, Timestamp};
+use medialrep::jobs::job::{JobId, SendTry};
+use medialrep::jobs::store::SendNext;
 use medialrep::jobs::token::{Scope, StoredToken, Token};
 use medialrep::jobs::worker::Processor;
 use serde_json::{Value, json};
@@ -69,8 +70,14 @@ async fn after_tries(server: &Server, job: &str, tries: u64) -> Value {
 
 /// Does not wait for the next try.
 async fn make_due(server: &Server, job: &str) {
+    hold(server, job, Timestamp::UNIX_EPOCH).await;
+}
+
+/// As if it were given to somebody until this time.
+async fn hold(server: &Server, job: &str, until: Timestamp) {
     let id = JobId::parse(job.rsplit('/').next().unwrap()).unwrap();
-    server.jobs.store().extend_delivery(id, Timestamp::UNIX_EPOCH).await.unwrap();
+    let now = server.jobs.store().get(id).await.unwrap().unwrap().delivery.unwrap();
+    assert!(server.jobs.store().extend_delivery(id, now.next_try_at.unwrap(), until).await.unwrap());
 }
 
 /// Whether this is the request that stores one result.
@@ -129,6 +136,7 @@ async fn what_was_not_stored_is_tried_again_and_what_was_is_not() {
     assert_eq!(delivery["last_try"]["status"], 503);
     assert_eq!(delivery["last_try"]["error"], "refused_status");
     assert!(delivery["next_try_at"].is_string());
+    assert!(!delivery.to_string().contains(CANARY) && !logged().contains(CANARY));
     make_due(&server, &job).await;
     let delivery = after_tries(&server, &job, 2).await;
     assert_eq!(delivery["state"], "delivered");
@@ -164,7 +172,7 @@ async fn an_instance_that_the_pacs_has_already_is_delivered() {
 }
 
 #[tokio::test]
-async fn a_pacs_that_is_away_is_asked_once_a_try() {
+async fn what_a_pacs_missed_that_was_away_is_delivered_by_the_next_server() {
     let pacs = FakePacs::start(vec![stored()]).await;
     let client = pacs.client_of("http://127.0.0.1:9/dicom-web", Duration::from_secs(2));
     let mut server = Server::with_pacs(limits(), client).await;
@@ -192,8 +200,7 @@ async fn a_delivery_of_a_server_that_is_gone_is_taken_up_at_once() {
     server.run(&writes_dicom());
     after_tries(&server, &job, 1).await;
     // As if the server had been killed while it sent.
-    let id = JobId::parse(job.rsplit('/').next().unwrap()).unwrap();
-    server.jobs.store().extend_delivery(id, Timestamp::MAX).await.unwrap();
+    hold(&server, &job, Timestamp::now() + SignedDuration::from_hours(1)).await;
     let dir = server.stop().await;
     let mut server = Server::open_with_pacs(dir, limits(), pacs.client(Duration::from_secs(2))).await;
     server.run(&writes_dicom());
@@ -208,10 +215,26 @@ async fn results_that_were_erased_are_given_up() {
     after_tries(&server, &job, 1).await;
     let id = JobId::parse(job.rsplit('/').next().unwrap()).unwrap();
     server.jobs.store().forget_results(id).await.unwrap();
-    make_due(&server, &job).await;
-    let delivery = after_tries(&server, &job, 2).await;
-    assert_eq!((&delivery["state"], &delivery["last_try"]["error"]), (&json!("given_up"), &json!("results_erased")));
+    let delivery = server.get(&job).await.json()["delivery"].clone();
+    assert_eq!((&delivery["state"], &delivery["next_try_at"]), (&json!("given_up"), &Value::Null));
+    let retry = server.post(&format!("{job}/retry"), Vec::new()).await;
+    retry.is_problem(409, "not_retryable");
     assert_eq!(pacs.asked().len(), 2, "both results in the first try");
+}
+
+#[tokio::test]
+async fn a_try_of_who_lost_the_delivery_changes_nothing() {
+    let (mut server, _pacs) = with_pacs(vec![Reply::new(503, "text/plain", "")]).await;
+    let job = submitted(&server, TWO).await;
+    server.run(&writes_dicom());
+    after_tries(&server, &job, 1).await;
+    let id = JobId::parse(job.rsplit('/').next().unwrap()).unwrap();
+    let before = server.get(&job).await.json()["delivery"].clone();
+    let (store, other) = (server.jobs.store(), Timestamp::now());
+    assert!(!store.extend_delivery(id, other, other).await.unwrap());
+    let tried = SendTry { at: other, status: None, error: None };
+    store.delivery_tried(id, other, &tried, SendNext::Delivered).await.unwrap();
+    assert_eq!(server.get(&job).await.json()["delivery"], before);
 }
 
 #[tokio::test]

@@ -579,8 +579,9 @@ pub trait DeliveryStore: Send + Sync {
     /// The job whose delivery to this archive came due first, given to the caller until `until`.
     async fn claim_delivery(&self, to: &str, now: Timestamp, until: Timestamp) -> Result<Option<Job>, StoreError>;
 
-    /// Keeps it for the caller until a later time.
-    async fn extend_delivery(&self, id: JobId, until: Timestamp) -> Result<(), StoreError>;
+    /// Keeps it for who holds it until `held` until a later time; `false` when it is not theirs any more: another took it, or
+    /// the results are erased.
+    async fn extend_delivery(&self, id: JobId, held: Timestamp, until: Timestamp) -> Result<bool, StoreError>;
 
     /// Makes all that wait for a next try due now, also those that somebody had who is gone. Only for one who is alone:
     /// else two send the same.
@@ -593,8 +594,14 @@ pub trait DeliveryStore: Send + Sync {
     /// kept.
     async fn retry_delivery(&self, id: JobId, now: Timestamp) -> Result<bool, StoreError>;
 
-    /// Writes what came of a try.
-    async fn delivery_tried(&self, id: JobId, tried: &SendTry, next: SendNext) -> Result<(), StoreError>;
+    /// Writes what came of a try of who holds it until `held`; nothing when it is not theirs any more.
+    async fn delivery_tried(
+        &self,
+        id: JobId,
+        held: Timestamp,
+        tried: &SendTry,
+        next: SendNext,
+    ) -> Result<(), StoreError>;
 }
 
 /// What is remembered of the audit log.

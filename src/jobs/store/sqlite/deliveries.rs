@@ -24,13 +24,15 @@ impl DeliveryStore for SqliteStore {
         self.change(claimed).await?.as_ref().map(rows::job).transpose()
     }
 
-    async fn extend_delivery(&self, id: JobId, until: Timestamp) -> Result<(), StoreError> {
-        sqlx::query("UPDATE jobs SET delivery_due_ms = $1 WHERE id = $2 AND delivery_state = 'due'")
-            .bind(until.as_millisecond())
-            .bind(id.to_string())
-            .execute(&self.writer)
-            .await?;
-        Ok(())
+    async fn extend_delivery(&self, id: JobId, held: Timestamp, until: Timestamp) -> Result<bool, StoreError> {
+        let extended = sqlx::query(
+            "UPDATE jobs SET delivery_due_ms = $1
+             WHERE id = $2 AND delivery_state = 'due' AND delivery_due_ms = $3 AND results_kept = 1",
+        )
+        .bind(until.as_millisecond())
+        .bind(id.to_string())
+        .bind(held.as_millisecond());
+        Ok(extended.execute(&self.writer).await?.rows_affected() > 0)
     }
 
     async fn all_deliveries_due(&self, now: Timestamp) -> Result<(), StoreError> {
@@ -60,7 +62,13 @@ impl DeliveryStore for SqliteStore {
         Ok(retried.execute(&self.writer).await?.rows_affected() > 0)
     }
 
-    async fn delivery_tried(&self, id: JobId, tried: &SendTry, next: SendNext) -> Result<(), StoreError> {
+    async fn delivery_tried(
+        &self,
+        id: JobId,
+        held: Timestamp,
+        tried: &SendTry,
+        next: SendNext,
+    ) -> Result<(), StoreError> {
         let (state, due) = match next {
             SendNext::Delivered => (SendState::Delivered, None),
             SendNext::TryAt(time) => (SendState::Due, Some(time.as_millisecond())),
@@ -69,12 +77,13 @@ impl DeliveryStore for SqliteStore {
         sqlx::query(
             "UPDATE jobs SET delivery_state = $1, delivery_due_ms = $2, delivery_tries = delivery_tries + 1,
                 delivery_last = $3
-             WHERE id = $4 AND delivery_state = 'due'",
+             WHERE id = $4 AND delivery_state = 'due' AND delivery_due_ms = $5",
         )
         .bind(state.name())
         .bind(due)
         .bind(rows::to_json(tried))
         .bind(id.to_string())
+        .bind(held.as_millisecond())
         .execute(&self.writer)
         .await?;
         Ok(())
