@@ -12,7 +12,13 @@ pub fn parameter(text: &str, wanted: &str) -> Option<String> {
             continue;
         }
         rest = rest[place + 1..].trim_start();
-        let Some((name, value)) = rest.split_once('=') else { continue };
+        // One without a value ends before the next: looked for further on, many of them would cost the square of their number.
+        let end = rest.find(['=', ';'])?;
+        let (name, value) = (&rest[..end], &rest[end..]);
+        let Some(value) = value.strip_prefix('=') else {
+            rest = value;
+            continue;
+        };
         if name.trim_end().eq_ignore_ascii_case(wanted) {
             let value = value.trim_start();
             if value.starts_with('"') {
@@ -54,8 +60,11 @@ mod tests {
             ("form-data; name=\"mask", None),
             ("form-data", None),
             (";;;", None),
+            (";x;name=mask", Some("mask")),
+            ("form-data; a; name = mask; b", Some("mask")),
         ] {
             assert_eq!(parameter(text, "name").as_deref(), name, "{text}");
         }
+        assert_eq!(parameter(&";".repeat(1 << 24), "name"), None, "in no time");
     }
 }

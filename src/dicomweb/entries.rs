@@ -54,6 +54,8 @@ pub const CLASS: Tag = Tag(0x0008_0016);
 pub const MODALITY: Tag = Tag(0x0008_0060);
 /// All modalities of a study.
 pub const MODALITIES: Tag = Tag(0x0008_0061);
+/// Content Sequence: all that a report tells.
+pub const CONTENT: Tag = Tag(0x0040_a730);
 /// Whether an instance can be had at once.
 pub const AVAILABILITY: Tag = Tag(0x0008_0056);
 /// Where it can be had.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::entries::{AVAILABILITY, CLASS, Entry, INSTANCE, Level, RETRIEVE_URL, SERIES, STUDY, Told};
+use super::entries::{AVAILABILITY, CLASS, Entry, INSTANCE, Level, MODALITIES, RETRIEVE_URL, SERIES, STUDY, Told};
 use super::entries::{by_name, entries, level_of, tag_of};
 use super::json::{Attributes, attribute, key};
 use super::matching::Matcher;
@@ -90,7 +90,10 @@ impl Query {
     }
 
     fn add_key<'a>(&mut self, name: &'a str, value: &str, ignored: &mut Vec<&'a str>) -> Result<(), QueryError> {
-        let Some(entry) = by_name(name).filter(|entry| entry.is_key && entry.level <= self.level) else {
+        // Of a series, those of its study are not known.
+        let is_known = |entry: &&Entry| entry.tag != MODALITIES || self.level == Level::Study;
+        let entry = by_name(name).filter(|entry| entry.is_key && entry.level <= self.level).filter(is_known);
+        let Some(entry) = entry else {
             ignored.push(name);
             return Ok(());
         };
@@ -225,6 +228,9 @@ mod tests {
                     Nothing and others";
         assert_eq!(query.notes(), [note]);
         assert_eq!(parse(Level::Study, "fuzzymatching=true").unwrap().notes(), [LITERAL]);
+        assert!(parse(Level::Study, "ModalitiesInStudy=SR").unwrap().notes().is_empty());
+        let note = "These attributes are not known to this search and were ignored: ModalitiesInStudy";
+        assert_eq!(parse(Level::Series, "ModalitiesInStudy=SR").unwrap().notes(), [note]);
     }
 
     #[test]

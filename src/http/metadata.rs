@@ -10,6 +10,7 @@ use axum::http::header::CONTENT_TYPE;
 use axum::http::{HeaderMap, Response};
 use futures_util::{StreamExt, stream};
 use serde_json::Value;
+use tokio::sync::Mutex;
 
 use super::accept::Accepted;
 use super::auth::{Allowed, Read, TokenProblems, TooManyRequests};
@@ -24,6 +25,7 @@ use crate::audit::Action;
 use crate::dicomweb::entries::{Level, tag_of};
 use crate::dicomweb::json::{DICOM_JSON, attributes, key};
 use crate::formats::dicom_elements::{DataSet, ElementValue, Tag};
+use crate::jobs::blocking::on_own_thread;
 use crate::jobs::caller::Caller;
 use crate::jobs::error::JobsError;
 use crate::jobs::objects::ObjectPath;
@@ -51,7 +53,7 @@ pub async fn study_metadata(
     headers: HeaderMap,
     StrictQuery(parameters): Parameters,
 ) -> Result<Response<Body>, ApiError> {
-    metadata(jobs, allowed.caller, &path, &Accepted::of(&headers, &parameters)).await
+    metadata(jobs, allowed, &path, &Accepted::of(&headers, &parameters)).await
 }
 
 /// The attributes of all DICOM results of a series (WADO-RS).
@@ -70,7 +72,7 @@ pub async fn series_metadata(
     headers: HeaderMap,
     StrictQuery(parameters): Parameters,
 ) -> Result<Response<Body>, ApiError> {
-    metadata(jobs, allowed.caller, &path, &Accepted::of(&headers, &parameters)).await
+    metadata(jobs, allowed, &path, &Accepted::of(&headers, &parameters)).await
 }
 
 /// The attributes of a DICOM result (WADO-RS).
@@ -89,7 +91,7 @@ pub async fn instance_metadata(
     headers: HeaderMap,
     StrictQuery(parameters): Parameters,
 ) -> Result<Response<Body>, ApiError> {
-    metadata(jobs, allowed.caller, &path, &Accepted::of(&headers, &parameters)).await
+    metadata(jobs, allowed, &path, &Accepted::of(&headers, &parameters)).await
 }
 
 /// A long value of a DICOM result, where BulkDataURI leads to (WADO-RS).
@@ -150,20 +152,21 @@ fn document_type(set: &DataSet) -> Option<String> {
 
 async fn metadata(
     jobs: Arc<Jobs>,
-    caller: Caller,
+    allowed: Allowed<Read>,
     path: &ObjectPath,
     accepted: &Accepted,
 ) -> Result<Response<Body>, ApiError> {
     if !is_json_accepted(accepted) {
         return Err(not_acceptable(DICOM_JSON));
     }
-    let Target { first, rest, is_cut } = Target::find(&jobs, &caller, path).await?;
-    let first = described(&jobs, &caller, &first).await?;
-    // One after the other: a study may have more than memory has room for.
+    let Target { first, rest, is_cut } = Target::find(&jobs, &allowed.caller, path).await?;
+    let first = described(&jobs, &allowed.caller, &first).await?;
+    // One after the other: a study may have more than memory has room for. The request counts as open until its end.
+    let allowed = Arc::new(allowed);
     let rest = stream::iter(rest).then(move |kept| {
-        let (jobs, caller) = (Arc::clone(&jobs), caller.clone());
+        let (jobs, allowed) = (Arc::clone(&jobs), Arc::clone(&allowed));
         async move {
-            let json = described(&jobs, &caller, &kept).await.map_err(|error| broken(&error))?;
+            let json = described(&jobs, &allowed.caller, &kept).await.map_err(|error| broken(&error))?;
             Ok::<_, io::Error>(Bytes::from(format!(",{json}")))
         }
     });
@@ -173,11 +176,18 @@ async fn metadata(
     Ok(warned(answer, is_cut))
 }
 
-/// The attributes of an object, as JSON.
+/// The attributes of an object, as JSON. One at a time of all requests: a large report takes much memory meanwhile.
 async fn described(jobs: &Jobs, caller: &Caller, kept: &KeptObject) -> Result<String, ApiError> {
+    static TURN: Mutex<()> = Mutex::const_new(());
+    let turn = TURN.lock().await;
     let set = jobs.data_set(kept).await?;
     jobs.record(caller, Action::ReadResult, Some(kept.id), &kept.file.name).await;
     let path = path_of(&kept.object, Level::Instance);
-    let attributes = attributes(&set, Some(&|tag| format!("{path}/bulkdata/{}", key(tag))));
-    Ok(Value::Object(attributes.into_iter().collect()).to_string())
+    let written = on_own_thread(move || {
+        // Held to the end of the work, though whoever asked may be gone.
+        let _turn = turn;
+        let attributes = attributes(&set, Some(&|tag| format!("{path}/bulkdata/{}", key(tag))));
+        Ok(Value::Object(attributes.into_iter().collect()).to_string())
+    });
+    Ok(written.await.map_err(JobsError::Files)?)
 }

@@ -181,9 +181,7 @@ async fn search(
     let query = Query::parse(level, parameters).map_err(malformed)?;
     let found = jobs.search(&allowed.caller, &path, &query).await?;
     let notes = notes(&query, &found);
-    let given = path.series.map(|_| Level::Series).or(path.study.map(|_| Level::Study));
-    let results: Vec<Attributes> =
-        found.results.into_iter().map(|result| query.select(with_url(result, level), given)).collect();
+    let results: Vec<Attributes> = found.results.into_iter().map(|result| with_url(result, level)).collect();
     let mut answer = Json(results).into_response();
     answer.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static(DICOM_JSON));
     for note in notes {

@@ -76,7 +76,7 @@ pub async fn retrieve_study(
     headers: HeaderMap,
     StrictQuery(parameters): Parameters,
 ) -> Result<Response<Body>, ApiError> {
-    files(jobs, allowed.caller, &path, &Accepted::of(&headers, &parameters)).await
+    files(jobs, allowed, &path, &Accepted::of(&headers, &parameters)).await
 }
 
 /// Fetch the DICOM results of a series (WADO-RS).
@@ -95,7 +95,7 @@ pub async fn retrieve_series(
     headers: HeaderMap,
     StrictQuery(parameters): Parameters,
 ) -> Result<Response<Body>, ApiError> {
-    files(jobs, allowed.caller, &path, &Accepted::of(&headers, &parameters)).await
+    files(jobs, allowed, &path, &Accepted::of(&headers, &parameters)).await
 }
 
 /// Fetch a DICOM result (WADO-RS).
@@ -116,7 +116,7 @@ pub async fn retrieve_instance(
     headers: HeaderMap,
     StrictQuery(parameters): Parameters,
 ) -> Result<Response<Body>, ApiError> {
-    files(jobs, allowed.caller, &path, &Accepted::of(&headers, &parameters)).await
+    files(jobs, allowed, &path, &Accepted::of(&headers, &parameters)).await
 }
 
 /// What a path leads to: one object, and those behind it.
@@ -154,16 +154,16 @@ pub fn no_such_object() -> ApiError {
 
 async fn files(
     jobs: Arc<Jobs>,
-    caller: Caller,
+    allowed: Allowed<Read>,
     path: &ObjectPath,
     accepted: &Accepted,
 ) -> Result<Response<Body>, ApiError> {
     let single = path.instance.as_ref().map(|_| DICOM);
     let form = Form::of(accepted, DICOM, single)
         .ok_or_else(|| not_acceptable("multipart/related; type=\"application/dicom\"; transfer-syntax=*"))?;
-    let Target { first, rest, is_cut } = Target::find(&jobs, &caller, path).await?;
+    let Target { first, rest, is_cut } = Target::find(&jobs, &allowed.caller, path).await?;
     // What is wrong with the first is told in words; later, the answer has begun.
-    let first = part_of(&jobs, &caller, first).await?;
+    let first = part_of(&jobs, &allowed.caller, first).await?;
     if form == Form::Single {
         return finish(DICOM, first.bytes, Body::from_stream(first.body));
     }
@@ -172,9 +172,11 @@ async fn files(
     for kept in &rest {
         length += Part::of(PART, kept.file.bytes).length(&boundary);
     }
+    // The request counts as open until its end.
+    let allowed = Arc::new(allowed);
     let rest = stream::iter(rest).then(move |kept| {
-        let (jobs, caller) = (Arc::clone(&jobs), caller.clone());
-        async move { part_of(&jobs, &caller, kept).await.map_err(|error| broken(&error)) }
+        let (jobs, allowed) = (Arc::clone(&jobs), Arc::clone(&allowed));
+        async move { part_of(&jobs, &allowed.caller, kept).await.map_err(|error| broken(&error)) }
     });
     let parts = stream::once(async move { Ok(first) }).chain(rest).boxed();
     Ok(warned(finish(&multipart(DICOM, &boundary), length, body_of(parts, boundary))?, is_cut))
