@@ -1,4 +1,4 @@
-//! The mask that a command line names: a file, or the only mask in a folder, such as a series that a PACS wrote.
+//! The masks that a command line names: files, and those in folders, such as a series that a PACS wrote.
 
 use std::fs::{self, File};
 use std::io::{self, ErrorKind};
@@ -16,17 +16,57 @@ const ARGUMENT: &str = "MASK";
 const MOST_FILES: usize = 100_000;
 /// Folders below the one named: patient, study, series.
 const MOST_FOLDERS: usize = 4;
-/// Masks that are named where there are several.
-const NAMED: usize = 5;
+/// Names of files end so; none of it is said again in the name of the folder for their results.
+const ENDINGS: [&str; 8] = [".gz", ".nii", ".seg", ".nrrd", ".mha", ".dcm", ".dicom", ".img"];
 
-/// The file to read: `path` itself, or the only file below it whose header is that of a mask.
+/// A mask, and the name of the folder for its results where there are several.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Named {
+    pub file: PathBuf,
+    pub name: String,
+}
+
+/// The files to read: those of `paths`, and below its folders all whose header is that of a mask, each once.
 ///
 /// # Errors
-/// When it cannot be opened, or there is no mask below it or more than one.
-pub(super) fn find_mask(path: &Path) -> Result<PathBuf, Box<Problem>> {
+/// When one cannot be opened, or there is no mask below a folder.
+pub(super) fn find_masks(paths: &[PathBuf]) -> Result<Vec<Named>, Box<Problem>> {
+    let mut masks: Vec<Named> = Vec::new();
+    for path in paths {
+        for file in masks_at(path)? {
+            if masks.iter().any(|other| other.file == file) {
+                continue;
+            }
+            let is_taken = |name: &String| masks.iter().any(|other| other.name == *name);
+            let stem = stem(&file);
+            let further = (2..).map(|number| format!("{stem}-{number}"));
+            let name = std::iter::once(stem.clone()).chain(further).find(|name| !is_taken(name)).unwrap_or_default();
+            masks.push(Named { file, name });
+        }
+    }
+    Ok(masks)
+}
+
+/// The name of a file without what tells its format.
+fn stem(file: &Path) -> String {
+    let name = file.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let mut stem = name.as_str();
+    while let Some(shorter) = ENDINGS.iter().find_map(|ending| {
+        let at = stem.len().checked_sub(ending.len()).filter(|at| *at > 0)?;
+        stem.get(at..)?.eq_ignore_ascii_case(ending).then(|| &stem[..at])
+    }) {
+        stem = shorter;
+    }
+    // A name of dots is another folder.
+    let told = if stem.chars().all(|c| c == '.') { &name } else { stem };
+    told.chars().map(|c| if c.is_control() { '_' } else { c }).collect()
+}
+
+/// `path` itself, or the files below it whose header is that of a mask.
+fn masks_at(path: &Path) -> Result<Vec<PathBuf>, Box<Problem>> {
     if !path.is_dir() {
         return match File::open(path) {
-            Ok(_) => Ok(path.to_owned()),
+            Ok(_) => Ok(vec![path.to_owned()]),
             Err(error) => Err(unreadable(path, &error)),
         };
     }
@@ -48,19 +88,11 @@ pub(super) fn find_mask(path: &Path) -> Result<PathBuf, Box<Problem>> {
             Err(_) => {}
         }
     }
-    match masks.len() {
-        0 => {
-            let detail = format!("none of the {looked_at} files in the folder {} is a mask", path.display());
-            Err(problem("no_mask_in_folder", detail, "name the file; alone, it is told why it is none"))
-        }
-        1 => Ok(masks.remove(0)),
-        count => {
-            let named: Vec<String> = masks.iter().take(NAMED).map(|mask| mask.display().to_string()).collect();
-            let more = if count > NAMED { ", …" } else { "" };
-            let detail = format!("the folder {} holds {count} masks: {}{more}", path.display(), named.join(", "));
-            Err(problem("several_masks", detail, "name one of them"))
-        }
+    if masks.is_empty() {
+        let detail = format!("none of the {looked_at} files in the folder {} is a mask", path.display());
+        return Err(problem("no_mask_in_folder", detail, "name the file; alone, it is told why it is none"));
     }
+    Ok(masks)
 }
 
 /// Files in a folder and in those below it; links to folders are not followed.
@@ -88,4 +120,26 @@ fn unreadable(path: &Path, error: &io::Error) -> Box<Problem> {
 
 fn problem(code: &str, detail: String, hint: &str) -> Box<Problem> {
     Box::new(Problem::new(400, code, detail).at(ARGUMENT).hint(hint))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_is_named_as_its_mask_without_the_format() {
+        for (file, name) in [
+            ("a/liver.nii.gz", "liver"),
+            ("liver.seg.nrrd", "liver"),
+            ("liver.SEG.DCM", "liver"),
+            ("IM0001", "IM0001"),
+            ("1.2.840.99", "1.2.840.99"),
+            (".nii", ".nii"),
+            ("..nii", "..nii"),
+            ("a\u{1b}b.nii", "a_b"),
+            ("é.nii", "é"),
+        ] {
+            assert_eq!(stem(Path::new(file)), name, "{file}");
+        }
+    }
 }

@@ -1,4 +1,4 @@
-//! `medialrep run`: one mask, no service.
+//! `medialrep run`: masks, no service.
 
 use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use anyhow::Context;
 use clap::Args;
 
 use super::bar::Bar;
-use super::mask::{CHECK_PATH, find_mask};
+use super::mask::{CHECK_PATH, Named, find_masks};
 use super::table::{WIDTH, json_lines, table};
 use super::{cause, complain, exit};
 use crate::formats::params_json;
@@ -22,8 +22,10 @@ use crate::problem::Problem;
 /// Arguments of `run`.
 #[derive(Debug, Args)]
 pub struct RunArgs {
-    /// The mask: a binary or label map, .nii, .nii.gz, .nrrd, .seg.nrrd, .mha or DICOM SEG; or a folder with one of these
-    mask: PathBuf,
+    /// The mask: a binary or label map, .nii, .nii.gz, .nrrd, .seg.nrrd, .mha or DICOM SEG; or a folder with such files.
+    /// Of several masks each has a folder of its own in that for the results, and a refused one holds up no other
+    #[arg(required = true, value_name = "MASK")]
+    masks: Vec<PathBuf>,
     /// Folder for the results; made when it is not there
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -44,44 +46,68 @@ pub struct RunArgs {
     quiet: bool,
 }
 
-/// Processes the mask and tells what became of each structure.
+/// Processes the masks and tells what became of each structure. The exit code is that of the first mask that was refused.
 ///
 /// # Errors
 /// Only for faults of our own; what is wrong with the input ends in an exit code.
 pub fn run(arguments: RunArgs) -> anyhow::Result<ExitCode> {
-    let problem = match try_run(&arguments) {
-        Ok(structures) => {
-            tell(&structures, &arguments)?;
-            return Ok(ExitCode::SUCCESS);
-        }
-        Err(problem) => problem,
+    let (params, masks) = match prepare(&arguments) {
+        Ok(prepared) => prepared,
+        Err(problem) => return complain_of(&problem, None, &arguments),
     };
-    if arguments.json {
-        print_problem(&problem)?;
-    } else {
-        complain(&sentence(&problem));
-    }
-    Ok(ExitCode::from(exit_code(&problem)))
-}
-
-fn try_run(arguments: &RunArgs) -> Result<Vec<StructureSummary>, Box<Problem>> {
-    let params = read_params(&arguments.params)?;
-    let mask = find_mask(&arguments.mask)?;
-    check_folder(&arguments.out)?;
-    let bar = if arguments.quiet || !io::stderr().is_terminal() { Bar::hidden() } else { Bar::on_stderr() };
-    let out = (arguments.out.as_path(), Kept::Artifacts);
     let defaults = IsolationLimits::default();
     let isolation = Isolation::new(IsolationLimits {
         memory_bytes: arguments.memory.map_or(defaults.memory_bytes, |mib| mib << 20),
         threads: arguments.threads,
         ..defaults
     });
-    let outcome = isolation.process(&mask, &params, InputLimits::default(), out, &bar);
-    bar.clear();
-    match outcome {
-        Ok(processed) => Ok(processed.structures),
-        Err(error) => Err(failed(error, &arguments.out)),
+    let mut first_refused = None;
+    for mask in &masks {
+        // Alone, its results lie in the folder that was named.
+        let name = (masks.len() > 1).then_some(mask.name.as_str());
+        let out = name.map_or_else(|| arguments.out.clone(), |name| arguments.out.join(name));
+        match process(&isolation, &mask.file, &params, &out, &arguments) {
+            Ok(structures) => tell(&structures, name, &arguments)?,
+            Err(problem) => {
+                let code = complain_of(&problem, name, &arguments)?;
+                first_refused = first_refused.or(Some(code));
+            }
+        }
     }
+    Ok(first_refused.unwrap_or(ExitCode::SUCCESS))
+}
+
+/// All that can be wrong before the first mask is processed.
+fn prepare(arguments: &RunArgs) -> Result<(CheckedParams, Vec<Named>), Box<Problem>> {
+    let params = read_params(&arguments.params)?;
+    let masks = find_masks(&arguments.masks)?;
+    check_folder(&arguments.out)?;
+    Ok((params, masks))
+}
+
+fn process(
+    isolation: &Isolation,
+    mask: &Path,
+    params: &CheckedParams,
+    out: &Path,
+    arguments: &RunArgs,
+) -> Result<Vec<StructureSummary>, Box<Problem>> {
+    check_folder(out)?;
+    let bar = if arguments.quiet || !io::stderr().is_terminal() { Bar::hidden() } else { Bar::on_stderr() };
+    let outcome = isolation.process(mask, params, InputLimits::default(), (out, Kept::Artifacts), &bar);
+    bar.clear();
+    outcome.map(|processed| processed.structures).map_err(|error| failed(error, out))
+}
+
+/// Says what is wrong, with which mask where there are several.
+fn complain_of(problem: &Problem, name: Option<&str>, arguments: &RunArgs) -> anyhow::Result<ExitCode> {
+    if arguments.json {
+        print_problem(problem, name)?;
+    } else {
+        let of = name.map_or_else(String::new, |name| format!("{name}: "));
+        complain(&format!("{of}{}", sentence(problem)));
+    }
+    Ok(ExitCode::from(exit_code(problem)))
 }
 
 fn read_params(argument: &str) -> Result<CheckedParams, Box<Problem>> {
@@ -153,12 +179,11 @@ fn sentence(problem: &Problem) -> String {
 }
 
 fn exit_code(problem: &Problem) -> u8 {
-    const USAGE_CODES: [&str; 9] = [
+    const USAGE_CODES: [&str; 8] = [
         "malformed_params",
         "invalid_params",
         "cannot_open_mask",
         "no_mask_in_folder",
-        "several_masks",
         "too_many_files",
         "cannot_make_folder",
         "cannot_write_folder",
@@ -173,19 +198,24 @@ fn exit_code(problem: &Problem) -> u8 {
 }
 
 #[allow(clippy::print_stderr, reason = "this is the command line")]
-fn print_problem(problem: &Problem) -> anyhow::Result<()> {
-    eprintln!("{}", serde_json::to_string(problem).context("writing the problem")?);
+fn print_problem(problem: &Problem, mask: Option<&str>) -> anyhow::Result<()> {
+    let mut told = serde_json::to_value(problem).context("writing the problem")?;
+    if let Some(mask) = mask {
+        told["mask"] = mask.into();
+    }
+    eprintln!("{told}");
     Ok(())
 }
 
 /// What became of each structure, on stdout.
-fn tell(structures: &[StructureSummary], arguments: &RunArgs) -> anyhow::Result<()> {
+fn tell(structures: &[StructureSummary], name: Option<&str>, arguments: &RunArgs) -> anyhow::Result<()> {
     let text = match (arguments.quiet, arguments.json) {
         (true, _) => return Ok(()),
-        (false, true) => json_lines(structures).context("writing the structures")?,
+        (false, true) => json_lines(structures, name).context("writing the structures")?,
         (false, false) => {
             let stdout = io::stdout();
-            table(structures, width_of(&stdout), stdout.is_terminal() && is_color_wanted())
+            let head = name.map_or_else(String::new, |name| format!("{name}\n"));
+            head + &table(structures, width_of(&stdout), stdout.is_terminal() && is_color_wanted())
         }
     };
     match io::stdout().write_all(text.as_bytes()).and_then(|()| io::stdout().flush()) {
@@ -229,7 +259,7 @@ mod tests {
                 Problem::from(&Refusal::TooManyPoints { method: "exact ISOMAP".into(), points: 20_000, limit: 10_000 }),
                 4,
             ),
-            (*find_mask(Path::new("/nowhere/at/all")).unwrap_err(), 2),
+            (*find_masks(&["/nowhere/at/all".into()]).unwrap_err(), 2),
             (*check_folder(Path::new("/proc")).unwrap_err(), 2),
             (*check_folder(Path::new("/dev/null")).unwrap_err(), 2),
             (Problem::internal(), 1),

@@ -126,6 +126,8 @@ fn broken(text: &str, width: usize) -> Vec<String> {
 /// A structure as a line of JSON. The fields are those of thickness.json, where it has them.
 #[derive(Serialize)]
 struct StructureLine<'a> {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    mask: Option<&'a str>,
     index: usize,
     label: i64,
     name: Option<&'a str>,
@@ -144,14 +146,14 @@ struct Told<'a> {
     hint: Option<String>,
 }
 
-/// One JSON object per structure and line.
+/// One JSON object per structure and line, with the name of the mask where there are several.
 ///
 /// # Errors
 /// When a structure cannot be put into JSON.
-pub(super) fn json_lines(structures: &[StructureSummary]) -> serde_json::Result<String> {
+pub(super) fn json_lines(structures: &[StructureSummary], mask: Option<&str>) -> serde_json::Result<String> {
     let mut text = String::new();
     for (index, structure) in structures.iter().enumerate() {
-        text += &serde_json::to_string(&line(index, structure))?;
+        text += &serde_json::to_string(&StructureLine { mask, ..line(index, structure) })?;
         text.push('\n');
     }
     Ok(text)
@@ -163,14 +165,24 @@ fn line(index: usize, structure: &StructureSummary) -> StructureLine<'_> {
         Err(refusal) => {
             let told = Told { code: refusal.code(), message: refusal.to_string(), hint: Some(refusal.hint()) };
             let (verdict, refusal) = (Verdict::Fail.name(), Some(told));
-            StructureLine { index, label, name, figures: 0, verdict, mean_thickness_mm: None, reason: None, refusal }
+            StructureLine {
+                mask: None,
+                index,
+                label,
+                name,
+                figures: 0,
+                verdict,
+                mean_thickness_mm: None,
+                reason: None,
+                refusal,
+            }
         }
         Ok(found) => {
             let reason = found.reason.as_ref();
             let reason = reason.map(|reason| Told { code: &reason.code, message: reason.message.clone(), hint: None });
             let mean_thickness_mm = found.mean_thickness_mm.map(round);
             let (figures, verdict) = (found.figures, found.verdict.name());
-            StructureLine { index, label, name, figures, verdict, mean_thickness_mm, reason, refusal: None }
+            StructureLine { mask: None, index, label, name, figures, verdict, mean_thickness_mm, reason, refusal: None }
         }
     }
 }
@@ -252,7 +264,7 @@ label  figures  verdict  mean thickness  first reason
 
     #[test]
     fn a_structure_is_a_line_of_json() {
-        let text = json_lines(&three()).unwrap();
+        let text = json_lines(&three(), None).unwrap();
         let lines: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
         assert_eq!(
             lines[0],

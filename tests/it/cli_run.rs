@@ -167,6 +167,35 @@ fn the_only_mask_in_a_folder_is_found_among_other_files() {
 }
 
 #[test]
+fn each_of_several_masks_has_a_folder_and_a_refused_one_holds_up_no_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let [series, out] = ["series", "out"].map(|name| folder.path().join(name));
+    std::fs::create_dir(&series).unwrap();
+    std::fs::write(series.join("a.dcm"), Nifti::small(1).bytes()).unwrap();
+    std::fs::write(series.join("readme"), b"nothing of ours").unwrap();
+    for file in [series.join("b.nii.gz"), folder.path().join("b.nii.gz")] {
+        assert!(medialrep(&["sample", "slab", "--out", text(&file), "--spacing", "2"]).status.success());
+    }
+    let alone = folder.path().join("b.nii.gz");
+    let run = |option: &str| medialrep(&["run", text(&series), text(&alone), "--out", text(&out), option]);
+    let done = run("--json");
+    assert_eq!(done.status.code(), Some(4), "that of the first that is refused");
+    let lines = |bytes: &[u8]| -> Vec<serde_json::Value> {
+        String::from_utf8_lossy(bytes).lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+    };
+    let (told, refused) = (lines(&done.stdout), lines(&done.stderr));
+    let masks: Vec<&serde_json::Value> = told.iter().chain(&refused).map(|line| &line["mask"]).collect();
+    assert_eq!(masks, ["b", "b-2", "a"]);
+    for (name, count) in [("a", 0), ("b", 4), ("b-2", 4)] {
+        assert_eq!(std::fs::read_dir(out.join(name)).unwrap().count(), count, "{name}");
+    }
+    let (told, refused) = (run("--threads=1"), run("--quiet"));
+    let [told, refused] = [told.stdout, refused.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
+    assert!(told.starts_with("b\n") && told.contains("\nb-2\n"), "{told}");
+    assert!(refused.starts_with("medialrep: a: ") && refused.lines().count() == 1, "{refused}");
+}
+
+#[test]
 fn what_goes_wrong_in_the_first_minutes_is_told_in_one_line() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str, bytes: &[u8]| {
@@ -179,7 +208,6 @@ fn what_goes_wrong_in_the_first_minutes_is_told_in_one_line() {
     let (dir, out) = (text(folder.path()), text(&folder.path().join("out")).to_owned());
     let run = |mask: &str, out: &str, params: &str| ["run", mask, "--out", out, "--params", params].map(str::to_owned);
     for (arguments, code, words) in [
-        (run(dir, &out, "{}"), 2, vec![dir, "holds 2 masks", "m.nii", "name one of them"]),
         (run("/nowhere.nii", &out, "{}"), 2, vec!["/nowhere.nii", "No such file", "check the path"]),
         (run(&mask, &params, "{}"), 2, vec![&params, "is a file", "name another folder"]),
         (run(&mask, "/proc", "{}"), 2, vec!["cannot write into the folder /proc", "make it writable"]),
