@@ -79,14 +79,14 @@ impl Jobs {
         let (blobs, draft) = (self.blobs().clone(), new_token());
         let folder = draft.clone();
         let made = on_own_thread(move || {
-            // Held to the end of the work, though whoever asked may be gone.
-            let _turn = turn;
             let folder = blobs.begin_attempt(&folder)?;
             let record = Record::read(bytes.as_slice()).map_err(io::Error::other)?;
-            make(&record, artifact, &folder, &Never).map_err(into_io)
+            let made = make(&record, artifact, &folder, &Never).map_err(into_io)?;
+            // Held to the end of the work, though whoever asked may be gone; and by who asked until the result is named.
+            Ok((ResultFile::from(&made), turn))
         });
-        let file = match made.await {
-            Ok(file) => ResultFile::from(&file),
+        let (file, _turn) = match made.await {
+            Ok(made) => made,
             Err(error) => {
                 self.end_draft(draft).await?;
                 return Err(error.into());

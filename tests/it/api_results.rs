@@ -132,7 +132,10 @@ async fn many_who_ask_at_once_for_what_is_not_there_get_the_same() {
     let job = job_of_a_slab(&server, r#"{"outputs":["thickness.json"]}"#).await;
     let path = format!("{job}/results/model.glb");
     let answers = futures_util::future::join_all((0..4).map(|_| server.get(&path))).await;
-    assert!(answers.iter().all(|answer| answer.status == 200 && answer.body == answers[0].body));
+    for answer in &answers {
+        assert_eq!(answer.status, 200, "{}", answer.text());
+        assert!(answer.body == answers[0].body);
+    }
     let status = server.get(&job).await.json();
     assert_eq!(names(&status), ["thickness.json", "model.glb"]);
 }
