@@ -7,6 +7,10 @@ ALTER TABLE jobs ADD COLUMN delivery_tries  BIGINT NOT NULL DEFAULT 0;
 ALTER TABLE jobs ADD COLUMN delivery_stored TEXT   NOT NULL DEFAULT '[]'; -- JSON array of names
 ALTER TABLE jobs ADD COLUMN delivery_last   TEXT;                       -- the last try, JSON
 CREATE INDEX jobs_by_delivery ON jobs (delivery_state, delivery_to, delivery_due_ms);
+-- What is erased cannot be delivered any more.
+CREATE TRIGGER deliveries_erased AFTER UPDATE OF results_kept ON jobs WHEN NEW.results_kept = 0 AND NEW.delivery_state = 'due' BEGIN
+    UPDATE jobs SET delivery_state = 'given_up', delivery_due_ms = NULL WHERE id = NEW.id;
+END;
 
 -- Where results of what is stored with this token go.
 ALTER TABLE tokens ADD COLUMN deliver_to TEXT;

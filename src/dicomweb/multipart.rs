@@ -10,6 +10,7 @@ use std::task::{Context, Poll, ready};
 
 use bytes::{Bytes, BytesMut};
 use futures_util::{Stream, StreamExt};
+use uuid::Uuid;
 
 use crate::media_type::parameter;
 
@@ -94,7 +95,43 @@ pub fn boundary_of(content_type: &str) -> Result<String, MultipartError> {
     }
 }
 
-const MULTIPART: &str = "multipart/related";
+/// The media type of bodies of parts.
+pub const MULTIPART: &str = "multipart/related";
+/// What ends the body of a part that is written.
+pub const CLOSE: &[u8] = CRLF;
+
+/// How the parts of a body are told apart that is written here.
+#[derive(Clone, Debug)]
+pub struct Framing {
+    boundary: String,
+}
+
+impl Framing {
+    /// With a boundary that nobody can guess, so that no file has it.
+    #[must_use]
+    #[expect(clippy::new_without_default, reason = "each is another")]
+    pub fn new() -> Self {
+        Self { boundary: Uuid::now_v7().simple().to_string() }
+    }
+
+    /// What goes before the body of a part.
+    #[must_use]
+    pub fn begin(&self, media_type: &str) -> Bytes {
+        format!("--{}\r\nContent-Type: {media_type}\r\n\r\n", self.boundary).into()
+    }
+
+    /// What goes behind the last part.
+    #[must_use]
+    pub fn end(&self) -> Bytes {
+        format!("--{}--\r\n", self.boundary).into()
+    }
+
+    /// The media type of the body, whose parts are of type `part`.
+    #[must_use]
+    pub fn media_type(&self, part: &str) -> String {
+        format!("{MULTIPART}; type=\"{part}\"; boundary={}", self.boundary)
+    }
+}
 const DICOM: &str = "application/dicom";
 
 fn is_boundary(text: &str) -> bool {

@@ -8,9 +8,9 @@ use futures_util::{Stream, StreamExt, stream};
 use reqwest::header::{ACCEPT, AUTHORIZATION, CONTENT_LENGTH, CONTENT_TYPE};
 use reqwest::{Body, Response, Url};
 use serde_json::Value;
-use uuid::Uuid;
 
 use super::client::Archive;
+use super::multipart::{CLOSE, Framing};
 use crate::outbound::Fault;
 
 /// Bytes of an answer that are read. That for one instance has some hundred; more would fill the memory.
@@ -102,9 +102,9 @@ impl Archive<'_> {
         S: Stream<Item = Result<Bytes, E>> + Send + 'static,
         E: Into<Box<dyn std::error::Error + Send + Sync>> + 'static,
     {
-        let boundary = Uuid::now_v7().simple().to_string();
-        let head = Bytes::from(format!("--{boundary}\r\nContent-Type: application/dicom\r\n\r\n"));
-        let tail = Bytes::from(format!("\r\n--{boundary}--\r\n"));
+        let framing = Framing::new();
+        let head = framing.begin("application/dicom");
+        let tail = Bytes::from([CLOSE, &framing.end()].concat());
         let length = head.len() as u64 + bytes + tail.len() as u64;
         let around = |part| stream::iter([Ok(part)]);
         let body = around(head).chain(content.map(|chunk| chunk.map_err(Into::into))).chain(around(tail));
@@ -113,7 +113,7 @@ impl Archive<'_> {
             .post(self.studies())
             .timeout(time_to_store(bytes))
             .header(ACCEPT, "application/dicom+json")
-            .header(CONTENT_TYPE, format!("multipart/related; type=\"application/dicom\"; boundary={boundary}"))
+            .header(CONTENT_TYPE, framing.media_type("application/dicom"))
             // Some archives take no body of unknown length.
             .header(CONTENT_LENGTH, length)
             .body(Body::wrap_stream(body));

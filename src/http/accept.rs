@@ -37,9 +37,12 @@ impl Accepted {
         Self(ranges)
     }
 
-    /// How much something is wanted that some ranges stand for; 0 where it is not accepted.
+    /// How much something is wanted that some ranges stand for: as the narrowest of them says, the most of several such; 0
+    /// where it is not accepted.
     pub fn weight(&self, fits: impl Fn(&Range) -> bool) -> f32 {
-        self.0.iter().filter(|range| fits(range)).map(|range| range.weight).fold(0.0, f32::max)
+        let of = |stars: usize| self.0.iter().filter(move |range| range.kind.matches('*').count() == stars);
+        let weights = |stars| of(stars).filter(|range| fits(range)).map(|range| range.weight).reduce(f32::max);
+        (0..=2).find_map(weights).unwrap_or(0.0)
     }
 
     /// Whether a media type is accepted.
@@ -108,6 +111,8 @@ mod tests {
         assert_eq!(list.0.len(), 3);
         assert!((list.weight(|range| range.covers("multipart/related")) - 0.5).abs() < 1e-6);
         assert!(list.has("application/dicom") && !list.has("text/html") && !list.has("image/png"));
+        let list_but_one = accepted("text/html;q=0, text/*;q=0.5, */*");
+        assert!(!list_but_one.has("text/html") && list_but_one.has("text/csv") && list_but_one.has("image/png"));
         assert!(list.0[0].has_parts("a/b, c") && !list.0[0].has_parts("x/y") && list.0[0].lets("other", "x"));
         for (range, is_covered) in [("*/*", true), ("Application/*", true), ("image/*", false)] {
             let list = accepted(&format!("multipart/related; type=\"{range}\""));

@@ -1,17 +1,23 @@
-//! Paths of DICOMweb: the study, the series and the instance that one names, and the path of what is named.
+//! Requests for what there is of DICOM results: the study, the series and the instance that a path names, what is accepted,
+//! and the path of what is named.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use axum::extract::{FromRequestParts, Path};
 use axum::http::request::Parts;
 use utoipa::IntoParams;
 
+use super::accept::Accepted;
+use super::auth::{Allowed, Read};
 use super::error::ApiError;
+use super::extract::StrictQuery;
 use super::source::{invalid_uid, uid};
 use crate::dicomweb::entries::Level;
 use crate::formats::Uid;
 use crate::formats::dicom_object::DicomObject;
 use crate::jobs::objects::ObjectPath;
+use crate::jobs::service::Jobs;
 
 /// Where DICOMweb begins.
 pub const ROOT: &str = "/dicom-web";
@@ -46,17 +52,32 @@ pub struct InstanceParam {
     instance: String,
 }
 
-impl<S: Send + Sync> FromRequestParts<S> for ObjectPath {
+/// A request of a caller who may read.
+pub struct DicomRequest {
+    pub jobs: Arc<Jobs>,
+    pub allowed: Allowed<Read>,
+    /// What its path names; nothing where that has no identifiers.
+    pub path: ObjectPath,
+    /// The query, as it was sent.
+    pub parameters: Vec<(String, String)>,
+    pub accepted: Accepted,
+}
+
+impl FromRequestParts<Arc<Jobs>> for DicomRequest {
     type Rejection = ApiError;
 
-    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, ApiError> {
-        let names = Path::<BTreeMap<String, String>>::from_request_parts(parts, state).await;
+    async fn from_request_parts(parts: &mut Parts, jobs: &Arc<Jobs>) -> Result<Self, ApiError> {
+        let allowed = Allowed::from_request_parts(parts, jobs).await?;
+        let names = Path::<BTreeMap<String, String>>::from_request_parts(parts, jobs).await;
         let Ok(Path(names)) = names else { return Err(invalid_uid("path")) };
-        Ok(Self {
+        let path = ObjectPath {
             study: named(&names, "study")?,
             series: named(&names, "series")?,
             instance: named(&names, "instance")?,
-        })
+        };
+        let StrictQuery(parameters) = StrictQuery::<Vec<(String, String)>>::from_request_parts(parts, jobs).await?;
+        let accepted = Accepted::of(&parts.headers, &parameters);
+        Ok(Self { jobs: Arc::clone(jobs), allowed, path, parameters, accepted })
     }
 }
 

@@ -5,32 +5,30 @@ use std::io;
 use std::sync::Arc;
 
 use axum::body::{Body, Bytes};
-use axum::extract::{Path, State};
+use axum::extract::Path;
+use axum::http::Response;
 use axum::http::header::CONTENT_TYPE;
-use axum::http::{HeaderMap, Response};
 use futures_util::{StreamExt, stream};
 use serde_json::Value;
 use tokio::sync::Mutex;
 
-use super::accept::Accepted;
-use super::auth::{Allowed, Read, TokenProblems, TooManyRequests};
-use super::dicom_path::{InstanceParam, SeriesParam, StudyParam, path_of};
+use super::auth::{TokenProblems, TooManyRequests};
+use super::dicom_path::{DicomRequest, InstanceParam, SeriesParam, StudyParam, path_of};
 use super::error::ApiError;
-use super::extract::StrictQuery;
 use super::params_schema::BytesSchema;
 use super::qido::{InvalidUid, is_json_accepted, not_acceptable};
-use super::related::{Form, Part, body_of, end, finish, multipart, once};
-use super::wado::{AcceptParam, Parameters, RetrieveProblems, Target, broken, no_such_object, warned};
+use super::related::{Form, Part, body_of, finish, once};
+use super::wado::{AcceptParam, RetrieveProblems, Target, broken, no_such_object, warned};
 use crate::audit::Action;
 use crate::dicomweb::entries::{Level, tag_of};
 use crate::dicomweb::json::{DICOM_JSON, attributes, key};
+use crate::dicomweb::multipart::Framing;
 use crate::formats::dicom_elements::{DataSet, ElementValue, Tag};
 use crate::jobs::blocking::on_own_thread;
 use crate::jobs::caller::Caller;
 use crate::jobs::error::JobsError;
-use crate::jobs::objects::ObjectPath;
 use crate::jobs::service::Jobs;
-use crate::jobs::store::{KeptObject, new_token};
+use crate::jobs::store::KeptObject;
 use crate::problem::Problem;
 
 const OCTETS: &str = "application/octet-stream";
@@ -46,14 +44,8 @@ const DOCUMENT: Tag = Tag(0x0042_0011);
         TokenProblems, TooManyRequests, RetrieveProblems, InvalidUid
     )
 )]
-pub async fn study_metadata(
-    State(jobs): State<Arc<Jobs>>,
-    allowed: Allowed<Read>,
-    path: ObjectPath,
-    headers: HeaderMap,
-    StrictQuery(parameters): Parameters,
-) -> Result<Response<Body>, ApiError> {
-    metadata(jobs, allowed, &path, &Accepted::of(&headers, &parameters)).await
+pub async fn study_metadata(request: DicomRequest) -> Result<Response<Body>, ApiError> {
+    metadata(request).await
 }
 
 /// The attributes of all DICOM results of a series (WADO-RS).
@@ -65,14 +57,8 @@ pub async fn study_metadata(
         TokenProblems, TooManyRequests, RetrieveProblems, InvalidUid
     )
 )]
-pub async fn series_metadata(
-    State(jobs): State<Arc<Jobs>>,
-    allowed: Allowed<Read>,
-    path: ObjectPath,
-    headers: HeaderMap,
-    StrictQuery(parameters): Parameters,
-) -> Result<Response<Body>, ApiError> {
-    metadata(jobs, allowed, &path, &Accepted::of(&headers, &parameters)).await
+pub async fn series_metadata(request: DicomRequest) -> Result<Response<Body>, ApiError> {
+    metadata(request).await
 }
 
 /// The attributes of a DICOM result (WADO-RS).
@@ -84,14 +70,8 @@ pub async fn series_metadata(
         TokenProblems, TooManyRequests, RetrieveProblems, InvalidUid
     )
 )]
-pub async fn instance_metadata(
-    State(jobs): State<Arc<Jobs>>,
-    allowed: Allowed<Read>,
-    path: ObjectPath,
-    headers: HeaderMap,
-    StrictQuery(parameters): Parameters,
-) -> Result<Response<Body>, ApiError> {
-    metadata(jobs, allowed, &path, &Accepted::of(&headers, &parameters)).await
+pub async fn instance_metadata(request: DicomRequest) -> Result<Response<Body>, ApiError> {
+    metadata(request).await
 }
 
 /// A long value of a DICOM result, where BulkDataURI leads to (WADO-RS).
@@ -110,20 +90,16 @@ pub async fn instance_metadata(
     )
 )]
 pub async fn bulk_data(
-    State(jobs): State<Arc<Jobs>>,
-    allowed: Allowed<Read>,
-    path: ObjectPath,
+    request: DicomRequest,
     Path((.., tag)): Path<(String, String, String, String)>,
-    headers: HeaderMap,
-    StrictQuery(parameters): Parameters,
 ) -> Result<Response<Body>, ApiError> {
+    let DicomRequest { jobs, allowed, path, accepted, .. } = request;
     let kept = Target::find(&jobs, &allowed.caller, &path).await?.first;
     let set = jobs.data_set(&kept).await?;
     let value = tag_of(&tag).and_then(|tag| set.get(tag));
     let Some((tag, &ElementValue::Long { at, bytes })) = value.map(|own| (own.tag, &own.value)) else {
         return Err(no_such_object());
     };
-    let accepted = Accepted::of(&headers, &parameters);
     let document = document_type(&set).filter(|own| tag == DOCUMENT && accepted.weight(|r| r.is(own)) > 0.0);
     let single = document.unwrap_or_else(|| OCTETS.to_owned());
     let form = Form::of(&accepted, OCTETS, Some(&single)).ok_or_else(|| not_acceptable(OCTETS))?;
@@ -133,10 +109,10 @@ pub async fn bulk_data(
     match form {
         Form::Single => finish(&single, bytes, Body::from_stream(part.body)),
         Form::Multipart => {
-            let boundary = new_token();
-            let length = part.length(&boundary) + end(&boundary).len() as u64;
+            let framing = Framing::new();
+            let length = part.length(&framing) + framing.end().len() as u64;
             let parts = stream::once(async move { Ok(part) }).boxed();
-            finish(&multipart(OCTETS, &boundary), length, body_of(parts, boundary))
+            finish(&framing.media_type(OCTETS), length, body_of(parts, framing))
         }
     }
 }
@@ -150,16 +126,12 @@ fn document_type(set: &DataSet) -> Option<String> {
     is_type.then_some(text)
 }
 
-async fn metadata(
-    jobs: Arc<Jobs>,
-    allowed: Allowed<Read>,
-    path: &ObjectPath,
-    accepted: &Accepted,
-) -> Result<Response<Body>, ApiError> {
-    if !is_json_accepted(accepted) {
+async fn metadata(request: DicomRequest) -> Result<Response<Body>, ApiError> {
+    let DicomRequest { jobs, allowed, path, accepted, .. } = request;
+    if !is_json_accepted(&accepted) {
         return Err(not_acceptable(DICOM_JSON));
     }
-    let Target { first, rest, is_cut } = Target::find(&jobs, &allowed.caller, path).await?;
+    let Target { first, rest, is_cut } = Target::find(&jobs, &allowed.caller, &path).await?;
     let first = described(&jobs, &allowed.caller, &first).await?;
     // One after the other: a study may have more than memory has room for. The request counts as open until its end.
     let allowed = Arc::new(allowed);

@@ -1,27 +1,19 @@
 //! Searches for DICOM results (QIDO-RS, PS3.18 section 10.6): studies, series and instances, newest first.
 
-use std::sync::Arc;
-
 use axum::Json;
-use axum::extract::State;
+use axum::http::HeaderValue;
 use axum::http::header::{CONTENT_TYPE, WARNING};
-use axum::http::{HeaderMap, HeaderValue};
 use axum::response::{IntoResponse, Response};
 
 use super::accept::Accepted;
-use super::auth::{Allowed, Read, TokenProblems, TooManyRequests};
-use super::dicom_path::{SeriesParam, StudyParam, path_of};
+use super::auth::{TokenProblems, TooManyRequests};
+use super::dicom_path::{DicomRequest, SeriesParam, StudyParam, path_of};
 use super::error::ApiError;
-use super::extract::StrictQuery;
 use crate::dicomweb::entries::{Level, RETRIEVE_URL};
 use crate::dicomweb::json::{Attributes, DICOM_JSON, attribute, key};
 use crate::dicomweb::query::{Query, QueryError};
-use crate::jobs::objects::{Found, FoundObject, ObjectPath};
-use crate::jobs::service::Jobs;
+use crate::jobs::objects::{Found, FoundObject};
 use crate::problem::Problem;
-
-/// Parameters of a query as they are sent.
-type Parameters = StrictQuery<Vec<(String, String)>>;
 
 /// Parameters of every search, described.
 #[derive(utoipa::IntoParams)]
@@ -71,13 +63,8 @@ pub struct InvalidUid(Problem);
         TokenProblems, TooManyRequests, SearchProblems
     )
 )]
-pub async fn studies(
-    State(jobs): State<Arc<Jobs>>,
-    allowed: Allowed<Read>,
-    headers: HeaderMap,
-    parameters: Parameters,
-) -> Result<Response, ApiError> {
-    search(&jobs, &allowed, (ObjectPath::default(), Level::Study), (&headers, &parameters)).await
+pub async fn studies(request: DicomRequest) -> Result<Response, ApiError> {
+    search(request, Level::Study).await
 }
 
 /// Search series of DICOM results (QIDO-RS).
@@ -88,13 +75,8 @@ pub async fn studies(
         TokenProblems, TooManyRequests, SearchProblems
     )
 )]
-pub async fn series(
-    State(jobs): State<Arc<Jobs>>,
-    allowed: Allowed<Read>,
-    headers: HeaderMap,
-    parameters: Parameters,
-) -> Result<Response, ApiError> {
-    search(&jobs, &allowed, (ObjectPath::default(), Level::Series), (&headers, &parameters)).await
+pub async fn series(request: DicomRequest) -> Result<Response, ApiError> {
+    search(request, Level::Series).await
 }
 
 /// Search DICOM results (QIDO-RS).
@@ -105,13 +87,8 @@ pub async fn series(
         TokenProblems, TooManyRequests, SearchProblems
     )
 )]
-pub async fn instances(
-    State(jobs): State<Arc<Jobs>>,
-    allowed: Allowed<Read>,
-    headers: HeaderMap,
-    parameters: Parameters,
-) -> Result<Response, ApiError> {
-    search(&jobs, &allowed, (ObjectPath::default(), Level::Instance), (&headers, &parameters)).await
+pub async fn instances(request: DicomRequest) -> Result<Response, ApiError> {
+    search(request, Level::Instance).await
 }
 
 /// Search series of a study (QIDO-RS).
@@ -122,14 +99,8 @@ pub async fn instances(
         TokenProblems, TooManyRequests, SearchProblems, InvalidUid
     )
 )]
-pub async fn series_of_study(
-    State(jobs): State<Arc<Jobs>>,
-    allowed: Allowed<Read>,
-    path: ObjectPath,
-    headers: HeaderMap,
-    parameters: Parameters,
-) -> Result<Response, ApiError> {
-    search(&jobs, &allowed, (path, Level::Series), (&headers, &parameters)).await
+pub async fn series_of_study(request: DicomRequest) -> Result<Response, ApiError> {
+    search(request, Level::Series).await
 }
 
 /// Search DICOM results of a study (QIDO-RS).
@@ -140,14 +111,8 @@ pub async fn series_of_study(
         TokenProblems, TooManyRequests, SearchProblems, InvalidUid
     )
 )]
-pub async fn instances_of_study(
-    State(jobs): State<Arc<Jobs>>,
-    allowed: Allowed<Read>,
-    path: ObjectPath,
-    headers: HeaderMap,
-    parameters: Parameters,
-) -> Result<Response, ApiError> {
-    search(&jobs, &allowed, (path, Level::Instance), (&headers, &parameters)).await
+pub async fn instances_of_study(request: DicomRequest) -> Result<Response, ApiError> {
+    search(request, Level::Instance).await
 }
 
 /// Search DICOM results of a series (QIDO-RS).
@@ -159,26 +124,16 @@ pub async fn instances_of_study(
         TokenProblems, TooManyRequests, SearchProblems, InvalidUid
     )
 )]
-pub async fn instances_of_series(
-    State(jobs): State<Arc<Jobs>>,
-    allowed: Allowed<Read>,
-    path: ObjectPath,
-    headers: HeaderMap,
-    parameters: Parameters,
-) -> Result<Response, ApiError> {
-    search(&jobs, &allowed, (path, Level::Instance), (&headers, &parameters)).await
+pub async fn instances_of_series(request: DicomRequest) -> Result<Response, ApiError> {
+    search(request, Level::Instance).await
 }
 
-async fn search(
-    jobs: &Jobs,
-    allowed: &Allowed<Read>,
-    (path, level): (ObjectPath, Level),
-    (headers, StrictQuery(parameters)): (&HeaderMap, &Parameters),
-) -> Result<Response, ApiError> {
-    if !is_json_accepted(&Accepted::of(headers, parameters)) {
-        return Err(not_acceptable("application/dicom+json"));
+async fn search(request: DicomRequest, level: Level) -> Result<Response, ApiError> {
+    let DicomRequest { jobs, allowed, path, parameters, accepted } = request;
+    if !is_json_accepted(&accepted) {
+        return Err(not_acceptable(DICOM_JSON));
     }
-    let query = Query::parse(level, parameters).map_err(malformed)?;
+    let query = Query::parse(level, &parameters).map_err(malformed)?;
     let found = jobs.search(&allowed.caller, &path, &query).await?;
     let notes = notes(&query, &found);
     let results: Vec<Attributes> = found.results.into_iter().map(|result| with_url(result, level)).collect();

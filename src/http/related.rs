@@ -10,9 +10,9 @@ use futures_util::{StreamExt, TryStreamExt};
 
 use super::accept::{Accepted, Range};
 use super::error::ApiError;
+use crate::dicomweb::multipart::{CLOSE, Framing, MULTIPART};
 use crate::problem::Problem;
 
-const MULTIPART: &str = "multipart/related";
 /// How results are written: explicit VR, little endian.
 const TRANSFER_SYNTAX: &str = "1.2.840.10008.1.2.1";
 
@@ -43,8 +43,7 @@ impl Form {
 
 /// A part of an answer.
 pub struct Part {
-    /// Fields, without the line that ends them.
-    head: String,
+    media_type: &'static str,
     /// Bytes of its body.
     pub bytes: u64,
     /// As many of them.
@@ -53,12 +52,8 @@ pub struct Part {
 
 impl Part {
     /// A file of so many bytes, without any yet.
-    pub fn of(media_type: &str, bytes: u64) -> Self {
-        Self { head: format!("Content-Type: {media_type}"), bytes, body: stream::empty().boxed() }
-    }
-
-    fn begin(&self, boundary: &str) -> String {
-        format!("--{boundary}\r\n{}\r\n\r\n", self.head)
+    pub fn of(media_type: &'static str, bytes: u64) -> Self {
+        Self { media_type, bytes, body: stream::empty().boxed() }
     }
 
     /// The same with a body, which has as many bytes.
@@ -67,35 +62,23 @@ impl Part {
     }
 
     /// Bytes that it takes in an answer.
-    pub fn length(&self, boundary: &str) -> u64 {
-        self.begin(boundary).len() as u64 + self.bytes + 2
+    pub fn length(&self, framing: &Framing) -> u64 {
+        (framing.begin(self.media_type).len() + CLOSE.len()) as u64 + self.bytes
     }
 }
 
 /// All parts, framed.
-pub fn body_of(parts: BoxStream<'static, io::Result<Part>>, boundary: String) -> Body {
-    let last = end(&boundary);
+pub fn body_of(parts: BoxStream<'static, io::Result<Part>>, framing: Framing) -> Body {
+    let last = framing.end();
     let framed = parts.map_ok(move |part| {
-        let begin = Bytes::from(part.begin(&boundary));
-        let (begin, close) = (once(begin), once(Bytes::from_static(b"\r\n")));
-        begin.chain(part.body).chain(close)
+        once(framing.begin(part.media_type)).chain(part.body).chain(once(Bytes::from_static(CLOSE)))
     });
-    Body::from_stream(framed.try_flatten().chain(once(Bytes::from(last))))
+    Body::from_stream(framed.try_flatten().chain(once(last)))
 }
 
 /// A stream of these bytes.
 pub fn once(bytes: Bytes) -> BoxStream<'static, io::Result<Bytes>> {
     stream::once(async move { Ok(bytes) }).boxed()
-}
-
-/// What ends an answer.
-pub fn end(boundary: &str) -> String {
-    format!("--{boundary}--\r\n")
-}
-
-/// The media type of an answer whose parts are of type `part`.
-pub fn multipart(part: &str, boundary: &str) -> String {
-    format!("{MULTIPART}; type=\"{part}\"; boundary={boundary}")
 }
 
 /// An answer of so many bytes.

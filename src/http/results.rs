@@ -6,16 +6,17 @@ use std::sync::Arc;
 use axum::body::Body;
 use axum::extract::State;
 use axum::http::header::{
-    ACCEPT, ACCEPT_RANGES, CACHE_CONTROL, CONTENT_DISPOSITION, CONTENT_LENGTH, CONTENT_RANGE, CONTENT_TYPE, ETAG,
-    IF_RANGE, LOCATION, RANGE, VARY,
+    ACCEPT_RANGES, CACHE_CONTROL, CONTENT_DISPOSITION, CONTENT_LENGTH, CONTENT_RANGE, CONTENT_TYPE, ETAG, IF_RANGE,
+    LOCATION, RANGE, VARY,
 };
 use axum::http::{HeaderMap, HeaderValue, Response, StatusCode};
 use axum::response::IntoResponse;
 
+use super::accept::Accepted;
 use super::auth::{Allowed, Read, TokenProblems, TooManyRequests};
 use super::connections::Held;
 use super::error::{ApiError, PROBLEM_JSON};
-use super::extract::{IdParam, JobPath, ResultPath, has_it, header, list_header, media_range};
+use super::extract::{IdParam, JobPath, ResultPath, has_it, header};
 use super::params_schema::BytesSchema;
 use crate::audit::Action;
 use crate::formats::artifacts::by_name;
@@ -90,8 +91,7 @@ pub async fn pick(
     JobPath(id): JobPath,
     headers: HeaderMap,
 ) -> Result<impl IntoResponse, ApiError> {
-    let accept = if headers.contains_key(ACCEPT) { list_header(&headers, ACCEPT) } else { "*/*".to_owned() };
-    let name = preferred(&accept).ok_or_else(not_acceptable)?;
+    let name = preferred(&Accepted::of(&headers, &[])).ok_or_else(not_acceptable)?;
     jobs.result(&allowed.caller, id, name).await?;
     let location = HeaderValue::from_str(&format!("/v1/jobs/{id}/results/{name}")).map_err(|_| Problem::internal())?;
     Ok((StatusCode::SEE_OTHER, [(LOCATION, location), (VARY, HeaderValue::from_static("Accept"))]))
@@ -103,19 +103,11 @@ fn not_acceptable() -> ApiError {
 }
 
 /// The artifact of the media type that is wanted most; of equals the more telling one.
-fn preferred(accept: &str) -> Option<&'static str> {
-    let wanted: Vec<(String, f32)> = accept.split(',').map(media_range).collect();
-    let weight = |media_type: &str| {
-        let group = media_type.split('/').next().unwrap_or_default();
-        let fits = |range: &str| range == media_type || range == "*/*" || range.strip_suffix("/*") == Some(group);
-        // The narrowest range that fits says how much it is wanted (RFC 9110, section 12.5.1).
-        let narrowness = |range: &str| range.matches('*').count();
-        wanted.iter().filter(|(range, _)| fits(range)).min_by_key(|(range, _)| narrowness(range)).map_or(0.0, |w| w.1)
-    };
+fn preferred(accepted: &Accepted) -> Option<&'static str> {
     let mut best = None;
     for name in ["thickness.json", "model.glb", "thickness.csv"] {
         let media_type = by_name(name)?.media_type;
-        let weight = weight(media_type);
+        let weight = accepted.weight(|range| range.covers(media_type));
         if weight > best.map_or(0.0, |(_, most)| most) {
             best = Some((name, weight));
         }
@@ -221,6 +213,8 @@ fn unsatisfiable(bytes: u64) -> Response<Body> {
 
 #[cfg(test)]
 mod tests {
+    use axum::http::header::ACCEPT;
+
     use super::*;
 
     fn asked(range: &str) -> Asked {
@@ -266,7 +260,8 @@ mod tests {
             ("image/png", None),
             ("*/*;q=0", None),
         ] {
-            assert_eq!(preferred(accept), name, "{accept}");
+            let headers = [(ACCEPT, accept.parse().unwrap())].into_iter().collect();
+            assert_eq!(preferred(&Accepted::of(&headers, &[])), name, "{accept}");
         }
     }
 }

@@ -5,34 +5,29 @@ use std::io;
 use std::sync::Arc;
 
 use axum::body::Body;
-use axum::extract::State;
+use axum::http::Response;
 use axum::http::header::WARNING;
-use axum::http::{HeaderMap, Response};
 use futures_util::{StreamExt, TryStreamExt, stream};
 
-use super::accept::Accepted;
-use super::auth::{Allowed, Read, TokenProblems, TooManyRequests};
-use super::dicom_path::{InstanceParam, SeriesParam, StudyParam};
+use super::auth::{TokenProblems, TooManyRequests};
+use super::dicom_path::{DicomRequest, InstanceParam, SeriesParam, StudyParam};
 use super::error::ApiError;
-use super::extract::StrictQuery;
 use super::params_schema::BytesSchema;
 use super::qido::{CUT, InvalidUid, not_acceptable, warning};
-use super::related::{Form, Part, body_of, end, finish, multipart};
+use super::related::{Form, Part, body_of, finish};
 use super::results::checked_body;
 use crate::audit::Action;
+use crate::dicomweb::multipart::Framing;
 use crate::jobs::caller::Caller;
 use crate::jobs::objects::ObjectPath;
 use crate::jobs::results::Published;
 use crate::jobs::service::Jobs;
-use crate::jobs::store::{KeptObject, new_token};
+use crate::jobs::store::KeptObject;
 use crate::problem::Problem;
 
 const DICOM: &str = "application/dicom";
 /// What a part is.
 const PART: &str = "application/dicom; transfer-syntax=1.2.840.10008.1.2.1";
-
-/// Parameters of a query as they are sent.
-pub type Parameters = StrictQuery<Vec<(String, String)>>;
 
 /// The parameter of every retrieval, described.
 #[derive(utoipa::IntoParams)]
@@ -69,14 +64,8 @@ pub enum RetrieveProblems {
         TokenProblems, TooManyRequests, RetrieveProblems, InvalidUid
     )
 )]
-pub async fn retrieve_study(
-    State(jobs): State<Arc<Jobs>>,
-    allowed: Allowed<Read>,
-    path: ObjectPath,
-    headers: HeaderMap,
-    StrictQuery(parameters): Parameters,
-) -> Result<Response<Body>, ApiError> {
-    files(jobs, allowed, &path, &Accepted::of(&headers, &parameters)).await
+pub async fn retrieve_study(request: DicomRequest) -> Result<Response<Body>, ApiError> {
+    files(request).await
 }
 
 /// Fetch the DICOM results of a series (WADO-RS).
@@ -88,14 +77,8 @@ pub async fn retrieve_study(
         TokenProblems, TooManyRequests, RetrieveProblems, InvalidUid
     )
 )]
-pub async fn retrieve_series(
-    State(jobs): State<Arc<Jobs>>,
-    allowed: Allowed<Read>,
-    path: ObjectPath,
-    headers: HeaderMap,
-    StrictQuery(parameters): Parameters,
-) -> Result<Response<Body>, ApiError> {
-    files(jobs, allowed, &path, &Accepted::of(&headers, &parameters)).await
+pub async fn retrieve_series(request: DicomRequest) -> Result<Response<Body>, ApiError> {
+    files(request).await
 }
 
 /// Fetch a DICOM result (WADO-RS).
@@ -109,14 +92,8 @@ pub async fn retrieve_series(
         TokenProblems, TooManyRequests, RetrieveProblems, InvalidUid
     )
 )]
-pub async fn retrieve_instance(
-    State(jobs): State<Arc<Jobs>>,
-    allowed: Allowed<Read>,
-    path: ObjectPath,
-    headers: HeaderMap,
-    StrictQuery(parameters): Parameters,
-) -> Result<Response<Body>, ApiError> {
-    files(jobs, allowed, &path, &Accepted::of(&headers, &parameters)).await
+pub async fn retrieve_instance(request: DicomRequest) -> Result<Response<Body>, ApiError> {
+    files(request).await
 }
 
 /// What a path leads to: one object, and those behind it.
@@ -152,25 +129,21 @@ pub fn no_such_object() -> ApiError {
         .into()
 }
 
-async fn files(
-    jobs: Arc<Jobs>,
-    allowed: Allowed<Read>,
-    path: &ObjectPath,
-    accepted: &Accepted,
-) -> Result<Response<Body>, ApiError> {
+async fn files(request: DicomRequest) -> Result<Response<Body>, ApiError> {
+    let DicomRequest { jobs, allowed, path, accepted, .. } = request;
     let single = path.instance.as_ref().map(|_| DICOM);
-    let form = Form::of(accepted, DICOM, single)
+    let form = Form::of(&accepted, DICOM, single)
         .ok_or_else(|| not_acceptable("multipart/related; type=\"application/dicom\"; transfer-syntax=*"))?;
-    let Target { first, rest, is_cut } = Target::find(&jobs, &allowed.caller, path).await?;
+    let Target { first, rest, is_cut } = Target::find(&jobs, &allowed.caller, &path).await?;
     // What is wrong with the first is told in words; later, the answer has begun.
     let first = part_of(&jobs, &allowed.caller, first).await?;
     if form == Form::Single {
         return finish(DICOM, first.bytes, Body::from_stream(first.body));
     }
-    let boundary = new_token();
-    let mut length = first.length(&boundary) + end(&boundary).len() as u64;
+    let framing = Framing::new();
+    let mut length = first.length(&framing) + framing.end().len() as u64;
     for kept in &rest {
-        length += Part::of(PART, kept.file.bytes).length(&boundary);
+        length += Part::of(PART, kept.file.bytes).length(&framing);
     }
     // The request counts as open until its end.
     let allowed = Arc::new(allowed);
@@ -179,7 +152,7 @@ async fn files(
         async move { part_of(&jobs, &allowed.caller, kept).await.map_err(|error| broken(&error)) }
     });
     let parts = stream::once(async move { Ok(first) }).chain(rest).boxed();
-    Ok(warned(finish(&multipart(DICOM, &boundary), length, body_of(parts, boundary))?, is_cut))
+    Ok(warned(finish(&framing.media_type(DICOM), length, body_of(parts, framing))?, is_cut))
 }
 
 /// A file, once it was found to be what was kept.

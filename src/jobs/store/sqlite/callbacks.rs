@@ -6,7 +6,7 @@ use jiff::Timestamp;
 use sqlx::Row;
 
 use super::{SqliteStore, rows, statements};
-use crate::jobs::job::{JobId, SendState, SendTry};
+use crate::jobs::job::{JobId, SendTry};
 use crate::jobs::store::{CallbackStore, DueCallback, SendNext, StoreError, host_of};
 
 #[async_trait]
@@ -34,11 +34,7 @@ impl CallbackStore for SqliteStore {
     }
 
     async fn callback_tried(&self, id: JobId, tried: &SendTry, next: SendNext) -> Result<(), StoreError> {
-        let (state, due) = match next {
-            SendNext::Delivered => (SendState::Delivered, None),
-            SendNext::TryAt(time) => (SendState::Due, Some(time.as_millisecond())),
-            SendNext::GiveUp => (SendState::GivenUp, None),
-        };
+        let (state, due) = rows::next(next);
         // The log is a JSON array of objects: its bracket makes room for one more.
         sqlx::query(
             "UPDATE jobs SET callback_state = $1, callback_due_ms = $2, callback_log =
@@ -46,7 +42,7 @@ impl CallbackStore for SqliteStore {
                      ELSE substr(callback_log, 1, length(callback_log) - 1) || ',' || $3 || ']' END
              WHERE id = $4 AND callback_state = 'due'",
         )
-        .bind(state.name())
+        .bind(state)
         .bind(due)
         .bind(rows::to_json(tried))
         .bind(id.to_string())

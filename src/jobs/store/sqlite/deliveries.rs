@@ -5,7 +5,7 @@ use jiff::Timestamp;
 use sqlx::Row;
 
 use super::{SqliteStore, rows, statements};
-use crate::jobs::job::{Job, JobId, SendState, SendTry};
+use crate::jobs::job::{Job, JobId, SendTry};
 use crate::jobs::store::{DeliveryStore, SendNext, StoreError};
 
 #[async_trait]
@@ -69,17 +69,13 @@ impl DeliveryStore for SqliteStore {
         tried: &SendTry,
         next: SendNext,
     ) -> Result<(), StoreError> {
-        let (state, due) = match next {
-            SendNext::Delivered => (SendState::Delivered, None),
-            SendNext::TryAt(time) => (SendState::Due, Some(time.as_millisecond())),
-            SendNext::GiveUp => (SendState::GivenUp, None),
-        };
+        let (state, due) = rows::next(next);
         sqlx::query(
             "UPDATE jobs SET delivery_state = $1, delivery_due_ms = $2, delivery_tries = delivery_tries + 1,
                 delivery_last = $3
              WHERE id = $4 AND delivery_state = 'due' AND delivery_due_ms = $5",
         )
-        .bind(state.name())
+        .bind(state)
         .bind(due)
         .bind(rows::to_json(tried))
         .bind(id.to_string())

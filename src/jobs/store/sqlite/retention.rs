@@ -23,8 +23,10 @@ impl RetentionStore for SqliteStore {
     }
 
     async fn forget_results(&self, id: JobId) -> Result<(), StoreError> {
-        let forgotten = sqlx::query(statements::FORGET_RESULTS).bind(id.to_string());
-        forgotten.execute(&self.writer).await?;
+        sqlx::query("UPDATE jobs SET results_kept = 0 WHERE id = $1")
+            .bind(id.to_string())
+            .execute(&self.writer)
+            .await?;
         Ok(())
     }
 

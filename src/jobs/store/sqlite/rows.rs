@@ -7,7 +7,7 @@ use sqlx::Row;
 use sqlx::sqlite::SqliteRow;
 
 use crate::jobs::job::{Callback, Change, Delivery, Job, JobId, JobState, MaskInfo, ResultFile, SendState};
-use crate::jobs::store::StoreError;
+use crate::jobs::store::{SendNext, StoreError};
 
 pub(super) fn job(row: &SqliteRow) -> Result<Job, StoreError> {
     let error: Option<String> = row.try_get("error")?;
@@ -77,6 +77,16 @@ fn callback(row: &SqliteRow) -> Result<Option<Callback>, StoreError> {
     let Some(url) = row.try_get("callback_url")? else { return Ok(None) };
     let state = SendState::from_name(row.try_get("callback_state")?).ok_or_else(|| corrupt("callback_state"))?;
     Ok(Some(Callback { url, state, log: json(row, "callback_log")? }))
+}
+
+/// How something that is sent goes on, in columns: its state, and when it is due.
+pub(super) fn next(next: SendNext) -> (&'static str, Option<i64>) {
+    let (state, due) = match next {
+        SendNext::Delivered => (SendState::Delivered, None),
+        SendNext::TryAt(time) => (SendState::Due, Some(time)),
+        SendNext::GiveUp => (SendState::GivenUp, None),
+    };
+    (state.name(), due.map(Timestamp::as_millisecond))
 }
 
 fn delivery(row: &SqliteRow) -> Result<Option<Delivery>, StoreError> {

@@ -32,16 +32,9 @@ pub(super) const EXPIRE_MASKS: &str = "UPDATE jobs SET mask_kept = 0 WHERE id IN
      (SELECT id FROM jobs WHERE ended_at_ms < $1 AND mask_kept = 1 ORDER BY ended_at_ms LIMIT $2) RETURNING id";
 
 /// Results that are due.
-pub(super) const EXPIRE_RESULTS: &str = "UPDATE jobs SET results_kept = 0,
-        delivery_state = CASE delivery_state WHEN 'due' THEN 'given_up' ELSE delivery_state END, delivery_due_ms = NULL
-     WHERE id IN
+pub(super) const EXPIRE_RESULTS: &str = "UPDATE jobs SET results_kept = 0 WHERE id IN
      (SELECT id FROM jobs WHERE ended_at_ms < $1 AND results_kept = 1 AND state = 'succeeded'
       ORDER BY ended_at_ms LIMIT $2) RETURNING id";
-
-/// Results that are gone. What is due of them cannot be delivered any more.
-pub(super) const FORGET_RESULTS: &str = "UPDATE jobs SET results_kept = 0,
-        delivery_state = CASE delivery_state WHEN 'due' THEN 'given_up' ELSE delivery_state END, delivery_due_ms = NULL
-     WHERE id = $1";
 
 /// Jobs that are due.
 pub(super) const EXPIRE_JOBS: &str = "DELETE FROM jobs WHERE id IN (SELECT id FROM jobs WHERE ended_at_ms < $1 ORDER BY ended_at_ms LIMIT $2) RETURNING id";
